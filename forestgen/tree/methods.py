@@ -1,0 +1,1 @@
+"""Methods: the only file that names all the papers. A method is one strategy a stage."""
