@@ -1,1 +1,103 @@
-"""Methods: the only file that names all the papers. A method is one strategy a stage."""
+"""Methods: one strategy a stage. The only file that names all the papers.
+
+A method's plain name is our best setting of it; NAME_paper keeps every value that the paper prints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from forestgen.errors import InputError
+from forestgen.tree.atlas import LeafAtlasFromPhoto
+from forestgen.tree.bark import BarkFromPhoto
+from forestgen.tree.foliage import LeavesAlongBranches
+from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
+from forestgen.tree.lift.spread_branches import SpreadBranches
+from forestgen.tree.mesh import GeneralisedCylinders
+from forestgen.tree.radius import ConstantRatio, MeasuredTaper
+from forestgen.tree.segment.graph_cut import GraphCutFoliage
+from forestgen.tree.trace.circle_tracing import CircleTracing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """One strategy for each stage, in the order in which they run."""
+
+    segment: Any = GraphCutFoliage()
+    trace: Any = CircleTracing()
+    lift: Any = SpreadBranches()
+    grow: Any = SubtreeReplacement()
+    radius: Any = MeasuredTaper()
+    bark: Any = BarkFromPhoto()
+    mesh: Any = GeneralisedCylinders()
+    atlas: Any = LeafAtlasFromPhoto()
+    leaves: Any = LeavesAlongBranches()
+
+
+TAN_2008 = Method()
+TAN_2008_PAPER = Method(
+    segment=GraphCutFoliage(),
+    trace=CircleTracing(),
+    grow=SubtreeReplacement(),
+    radius=ConstantRatio(),
+    leaves=LeavesAlongBranches(),
+)
+METHODS = {"tan2008": TAN_2008, "tan2008_paper": TAN_2008_PAPER}
+
+STAGES = tuple(field.name for field in fields(Method))
+
+STRATEGIES: Mapping[str, Mapping[str, Any]] = {
+    "segment": {"graph_cut": GraphCutFoliage()},
+    "trace": {"circle_tracing": CircleTracing()},
+    "lift": {"spread_branches": SpreadBranches()},
+    "grow": {"subtree_replacement": SubtreeReplacement()},
+    "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper()},
+    "bark": {"from_photo": BarkFromPhoto()},
+    "mesh": {"generalised_cylinders": GeneralisedCylinders()},
+    "atlas": {"from_photo": LeafAtlasFromPhoto()},
+    "leaves": {"along_branches": LeavesAlongBranches()},
+}
+
+
+def configure(name: str, stages: Mapping[str, str], settings: Mapping[str, Mapping[str, object]]) -> Method:
+    """The method of that name with other strategies and settings put in, by stage name.
+
+    Raises:
+        InputError: unknown method, stage, strategy or field, or a value of the wrong type.
+    """
+    method = METHODS[_known(name, METHODS, "method")]
+    for stage, strategy in stages.items():
+        choices = STRATEGIES[_known(stage, STAGES, "stage")]
+        method = replace(method, **{stage: choices[_known(strategy, choices, f"strategy of stage '{stage}'")]})
+    for stage, table in settings.items():
+        default = getattr(method, _known(stage, STAGES, "stage"))
+        method = replace(method, **{stage: _override(default, table, stage)})
+    return method
+
+
+def _override(default: Any, table: Mapping[str, object], stage: str) -> Any:
+    """A copy of a strategy with the fields of a table put in."""
+    known = [field.name for field in fields(default)]
+    for key in table:
+        _known(key, known, f"setting of stage '{stage}'")
+    try:
+        return TypeAdapter(type(default)).validate_python(asdict(default) | dict(table))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "?"
+        raise InputError(f"settings.{stage}.{where}: {first['msg']}; came {first['input']!r}") from error
+    except ValueError as error:  # a strategy's own check of its fields
+        raise InputError(f"settings.{stage}: {error}") from error
+
+
+def _known(key: str, choices: Any, what: str) -> str:
+    if key in choices:
+        return key
+    near = get_close_matches(key, list(choices), 1)
+    hint = f"did you mean '{near[0]}'?" if near else f"choose from {', '.join(sorted(choices))}"
+    raise InputError(f"unknown {what} '{key}'; {hint}")

@@ -1,0 +1,131 @@
+"""Build one tree: the stages of a method in their order, each with its own generator and stopwatch."""
+
+from __future__ import annotations
+
+import logging
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from forestgen.arrays import stage_rng
+from forestgen.tree.methods import STAGES, Method
+from forestgen.tree.model import TreeModel
+from forestgen.tree.photo import Photo
+from forestgen.tree.scale import photo_camera
+from forestgen.tree.strokes import Strokes
+from forestgen.tree.view import View
+
+log = logging.getLogger(__name__)
+
+OnStage = Callable[[str, int, int], None]
+"""Called as (stage, done, total) while a tree is built; total is 0 where it is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One photo of the tree with its strokes, and how its camera stood. Angles in radians."""
+
+    photo: Photo
+    strokes: Strokes
+    azimuth: float = 0.0
+    elevation: float = 0.0
+    scale: float = 1.0
+    root: tuple[float, float] | None = None
+    focal_px: float | None = None
+
+
+class _Stopwatch:
+    """Seconds per stage; a stage that runs twice adds up."""
+
+    def __init__(self, on_stage: OnStage | None) -> None:
+        self.seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
+        self.on_stage = on_stage
+
+    @contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        if self.on_stage is not None:
+            self.on_stage(stage, 0, 0)
+        start = perf_counter()
+        yield
+        spent = perf_counter() - start
+        self.seconds[stage] += spent
+        log.info("%s: %.2f s", stage, spent)
+
+
+def build_tree(
+    sources: Sequence[Source],
+    method: Method,
+    *,
+    name: str = "tree",
+    method_name: str = "tan2008",
+    height: float = 10.0,
+    seed: int = 0,
+    on_stage: OnStage | None = None,
+) -> TreeModel:
+    """Build a tree `height` metres tall from one or more photos.
+
+    Raises:
+        StageError: a photo defeats a stage; the message says which and what to do.
+    """
+    watch = _Stopwatch(on_stage)
+    costs: dict[str, list[float]] = defaultdict(list)
+
+    def on_step(done: int, total: int, values: Mapping[str, float]) -> None:
+        for cost, value in values.items():
+            costs[cost].append(value)
+        if on_stage is not None:
+            on_stage("grow", done, total)
+
+    views = []
+    for index, source in enumerate(sources):
+        with watch.time("segment"):
+            mattes = method.segment(source.photo, source.strokes, rng=stage_rng(seed, "segment", index))
+        with watch.time("trace"):
+            branches = method.trace(source.photo, source.strokes, mattes, rng=stage_rng(seed, "trace", index))
+        camera = photo_camera(
+            mattes,
+            source.strokes,
+            height,
+            azimuth=source.azimuth,
+            elevation=source.elevation,
+            scale=source.scale,
+            root=source.root,
+            focal_px=source.focal_px,
+        )
+        views.append(View(source.photo, source.strokes, mattes, branches, camera))
+    with watch.time("lift"):
+        skeleton = method.lift(views, rng=stage_rng(seed, "lift"))
+    with watch.time("radius"):
+        skeleton = method.radius(skeleton, views)
+    with watch.time("grow"):
+        skeleton = method.grow(skeleton, views, rng=stage_rng(seed, "grow"), on_step=on_step)
+    with watch.time("radius"):
+        skeleton = method.radius(skeleton, views)
+    with watch.time("bark"):
+        bark = method.bark(views, rng=stage_rng(seed, "bark"))
+    with watch.time("mesh"):
+        mesh = method.mesh(skeleton, bark)
+    with watch.time("atlas"):
+        atlas = method.atlas(views, rng=stage_rng(seed, "atlas"))
+    with watch.time("leaves"):
+        leaves = method.leaves(skeleton, views, atlas, rng=stage_rng(seed, "leaves"))
+    bare = all(view.mattes.is_bare for view in views)
+    return TreeModel(
+        name=name,
+        method=method_name,
+        seed=seed,
+        height=height,
+        views=tuple(views),
+        skeleton=skeleton,
+        mesh=mesh,
+        bark=bark,
+        atlas=atlas,
+        leaves=leaves,
+        costs={cost: np.array(values) for cost, values in costs.items()},
+        seconds=watch.seconds,
+        notes=("bare tree: the crown shows branches and no leaf",) if bare else (),
+    )
