@@ -1,0 +1,24 @@
+// Unlit drawing, run once a sample (`sample in`), so that cut-outs are as finely sampled as edges.
+// Alpha is read from the texture's full resolution: smaller mip levels would thicken or thin leaves.
+#version 410 core
+struct Material {
+    vec3 emissive_factor;     // added to the colour: the class picture's code
+    vec4 base_color_factor;
+    float metallic_factor;    // carries the alpha threshold
+#ifdef HAS_BASE_COLOR_TEX
+    sampler2D base_color_texture;
+#endif
+};
+uniform Material material;
+sample in vec2 uv;
+out vec4 colour;
+
+void main() {
+    vec4 base = material.base_color_factor;
+#ifdef HAS_BASE_COLOR_TEX
+    base.rgb *= texture(material.base_color_texture, uv).rgb;
+    base.a *= textureLod(material.base_color_texture, uv, 0.0).a;
+#endif
+    if (base.a < material.metallic_factor) discard;
+    colour = vec4(clamp(base.rgb + material.emissive_factor, 0.0, 1.0), 1.0);
+}

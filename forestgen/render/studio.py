@@ -1,0 +1,150 @@
+"""Studio: pyrender offscreen, with its known faults worked around. One context for many pictures.
+
+What pyrender gets wrong is replaced, not patched: its shaders (they never discard cut-out texels)
+by our own; its cameras (its orthographic one takes no offset) by exact matrices. Its depth
+linearisation and its bounds (`np.infty`) are not used.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.camera import Camera
+from forestgen.errors import RenderError
+from forestgen.render.drawable import Drawable, extent_along, vertex_normals
+from forestgen.render.projection import camera_pose, projection
+
+REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libegl1 libgl1-mesa-dri libgles2"
+SHADERS = Path(__file__).parent / "shaders"
+LEAF, WOOD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # codes of the class picture
+
+
+def _pyrender() -> Any:
+    """Import pyrender on EGL, which needs no screen.
+
+    Raises:
+        RenderError: OpenGL is not there.
+    """
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+    try:
+        import pyrender  # noqa: TID251 - this is the one place
+        import pyrender.shader_program  # noqa: TID251
+    except Exception as error:  # PyOpenGL fails in many ways where a library is missing
+        raise RenderError(f"{REMEDY} ({type(error).__name__}: {error})") from error
+    return pyrender
+
+
+class Studio:
+    """Draws one set of drawables through any number of cameras. Use as a context manager, one at a time.
+
+    Four samples a pixel, each shaded by itself. Pictures come as premultiplied shares: a pixel
+    half covered by white is (0.5, 0.5, 0.5, 0.5).
+    """
+
+    def __init__(self, drawables: Sequence[Drawable]) -> None:
+        self._drawables = [d for d in drawables if len(d.faces) and len(d.transforms)]
+        self._pyrender = _pyrender()
+        try:
+            self._offscreen = self._pyrender.OffscreenRenderer(16, 16)
+        except Exception as error:  # EGL answers with assertions, attribute and GL errors
+            raise RenderError(f"{REMEDY} ({type(error).__name__}: {error})") from error
+        cache = self._pyrender.shader_program.ShaderProgramCache(shader_dir=str(SHADERS))
+        self._offscreen._renderer._program_cache = cache
+        self._scene = self._pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        for index, drawable in enumerate(self._drawables):
+            self._scene.add(_mesh(self._pyrender, drawable, str(index)))
+        self._camera_node: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._offscreen.delete()
+
+    def colour(self, camera: Camera) -> NDArray[np.float32]:
+        """Draw the textures' own colours, unlit: premultiplied sRGB-encoded RGBA (H, W, 4) in [0, 1]."""
+        return self._draw(camera, self._pyrender.RenderFlags.FLAT)
+
+    def classes(self, camera: Camera) -> NDArray[np.float32]:
+        """Shares (H, W, 2) of each pixel where a leaf, and where wood, is in front."""
+        kept = []
+        for material, drawable in self._materials():
+            kept.append((material, material.baseColorFactor, material.emissiveFactor))
+            material.baseColorFactor = np.array([0.0, 0.0, 0.0, drawable.colour[3]])
+            material.emissiveFactor = np.array(LEAF if drawable.is_leaf else WOOD)
+        try:
+            return self._draw(camera, self._pyrender.RenderFlags.FLAT)[..., :2]
+        finally:
+            for material, base, emissive in kept:
+                material.baseColorFactor, material.emissiveFactor = base, emissive
+
+    def lit(self, camera: Camera) -> NDArray[np.float32]:
+        """Draw in soft studio light, for people: premultiplied sRGB-encoded RGBA (H, W, 4) in [0, 1]."""
+        return self._draw(camera, self._pyrender.RenderFlags.NONE)
+
+    def _materials(self) -> list[tuple[Any, Drawable]]:
+        nodes = sorted(self._scene.mesh_nodes, key=lambda node: int(node.mesh.name))
+        return [(node.mesh.primitives[0].material, self._drawables[int(node.mesh.name)]) for node in nodes]
+
+    def _draw(self, camera: Camera, flags: int) -> NDArray[np.float32]:
+        width, height = camera.size
+        if not self._drawables:
+            return np.zeros((height, width, 4), np.float32)
+        if self._camera_node is not None:
+            self._scene.remove_node(self._camera_node)
+        farthest, nearest = extent_along(self._drawables, camera.axes[2:])[:, 0]
+        slack = 0.01 * (nearest - farthest) + 1e-3
+        exact = _exact_camera(self._pyrender, projection(camera, nearest + slack, farthest - slack))
+        self._camera_node = self._scene.add(exact, pose=camera_pose(camera))
+        self._offscreen.viewport_width, self._offscreen.viewport_height = width, height
+        flags |= self._pyrender.RenderFlags.RGBA
+        picture, _ = self._offscreen.render(self._scene, flags=flags)
+        return np.asarray(picture, np.float32) / np.float32(255)
+
+
+def _exact_camera(pyrender: Any, matrix: NDArray[np.float64]) -> Any:
+    """A pyrender camera that answers with the given projection matrix."""
+
+    class ExactCamera(pyrender.Camera):  # type: ignore[misc]
+        def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:
+            return matrix
+
+    return ExactCamera(znear=0.05, zfar=100.0)
+
+
+def _mesh(pyrender: Any, drawable: Drawable, name: str) -> Any:
+    """One pyrender mesh: instances by poses; drawn from both sides; threshold and class ride on unused factors."""
+    texture = None
+    if drawable.texture is not None and drawable.uv is not None:
+        texture = pyrender.Texture(source=drawable.texture, source_channels="RGBA")
+    threshold = drawable.alpha_threshold if drawable.alpha_threshold > 0 else 0.5
+    material = pyrender.MetallicRoughnessMaterial(
+        baseColorFactor=drawable.colour,
+        baseColorTexture=texture,
+        metallicFactor=threshold,
+        roughnessFactor=float(drawable.is_leaf),
+        alphaMode="MASK",
+        doubleSided=True,
+    )
+    normals = drawable.normals
+    if normals is None:
+        normals = vertex_normals(drawable.points, drawable.faces)
+    primitive = pyrender.Primitive(
+        positions=drawable.points,
+        normals=normals,
+        texcoord_0=drawable.uv,
+        indices=drawable.faces,
+        material=material,
+        mode=pyrender.GLTF.TRIANGLES,
+        poses=drawable.transforms,
+    )
+    return pyrender.Mesh(primitives=[primitive], name=name)
