@@ -1,0 +1,134 @@
+"""Geometry: whole prims from whole arrays, each with its extent, normals, `st` and material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from forestgen.tree.model import LeafPrototype, Leaves, Mesh
+
+Box = NDArray[np.float32]  # (2, 3): low and high corner, m
+
+
+def box_of(points: ArrayLike) -> Box:
+    """The box (2, 3) around points (N, 3), in the float32 that USD stores."""
+    stored = np.asarray(points, np.float32)
+    return np.stack([stored.min(axis=0), stored.max(axis=0)])
+
+
+def union(boxes: Sequence[Box]) -> Box:
+    """The box (2, 3) around boxes."""
+    every = np.stack(boxes)
+    return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+
+
+def vec3f(array: ArrayLike) -> Vt.Vec3fArray:
+    """USD's own array of (N, 3) numbers."""
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(array, np.float32))
+
+
+def bind(prim: Usd.Prim, material: Sdf.Path) -> None:
+    """Bind a material by its path: it may live in another layer."""
+    prim.AddAppliedSchema("MaterialBindingAPI")
+    prim.CreateRelationship("material:binding", False).SetTargets([material])
+
+
+def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, material: Sdf.Path) -> Box:
+    """Author triangles as a polygon mesh, seen from both sides; give its extent (2, 3).
+
+    Raises:
+        ValueError: the mesh has no face, or numbers that are not finite; nothing is authored then.
+    """
+    if not len(mesh.faces):
+        raise ValueError(f"{path}: a mesh without faces cannot be written")
+    for name in ("points", "normals", "uv"):
+        if not np.isfinite(getattr(mesh, name)).all():
+            raise ValueError(f"{path}: {name} holds NaN")
+    prim = UsdGeom.Mesh.Define(stage, path)
+    prim.CreatePointsAttr(vec3f(mesh.points))
+    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
+    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
+    prim.CreateNormalsAttr(vec3f(mesh.normals))
+    prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    st.Set(Vt.Vec2fArray.FromNumpy(mesh.uv.astype(np.float32)))
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    prim.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+    prim.CreateDoubleSidedAttr(True)
+    box = box_of(mesh.points)
+    prim.CreateExtentAttr(vec3f(box))
+    bind(prim.GetPrim(), material)
+    return box
+
+
+def define_leaves(
+    stage: Usd.Stage, path: Sdf.Path, leaves: Leaves, prototypes: Sequence[LeafPrototype], material: Sdf.Path
+) -> Box:
+    """Author leaves as a point instancer whose prototypes are plain meshes; give its extent (2, 3).
+
+    Raises:
+        ValueError: no leaf, a prototype that does not exist, or a size that is no positive number;
+            nothing is authored then.
+    """
+    if not len(leaves):
+        raise ValueError(f"{path}: an instancer without instances cannot be written")
+    if not (0 <= leaves.prototype.min() and leaves.prototype.max() < len(prototypes)):
+        raise ValueError(f"{path}: a leaf's prototype is not among the {len(prototypes)} of the atlas")
+    if not (np.isfinite(leaves.position).all() and np.isfinite(leaves.size).all() and leaves.size.min() > 0):
+        raise ValueError(f"{path}: leaves need finite positions and sizes above 0")
+
+    instancer = UsdGeom.PointInstancer.Define(stage, path)
+    home = UsdGeom.Scope.Define(stage, path.AppendChild("Prototypes")).GetPath()
+    targets = [home.AppendChild(name) for name in prototype_names(len(prototypes))]
+    boxes = np.stack(
+        [define_mesh(stage, target, leaf, material) for target, leaf in zip(targets, prototypes, strict=True)]
+    )
+    instancer.CreatePrototypesRel().SetTargets(targets)
+    # rows of a quath are i, j, k, REAL: w-first rows would become other rotations without a word
+    turn = leaves.orientation[:, [1, 2, 3, 0]].astype(np.float16)
+    size = leaves.size.astype(np.float32)
+    instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(leaves.prototype.astype(np.int32)))
+    instancer.CreatePositionsAttr(vec3f(leaves.position))
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turn))
+    instancer.CreateScalesAttr(vec3f(np.repeat(size[:, None], 3, axis=1)))
+    box = instances_box(leaves.position, turn, size, boxes[leaves.prototype])
+    instancer.CreateExtentAttr(vec3f(box))
+    return box
+
+
+def prototype_names(count: int) -> list[str]:
+    """leaf_00, leaf_01, ...: as wide as the greatest number needs, at least two digits."""
+    width = max(2, len(str(count - 1)))
+    return [f"leaf_{k:0{width}d}" for k in range(count)]
+
+
+def instances_box(position: ArrayLike, turn: ArrayLike, size: ArrayLike, box: NDArray[np.float32]) -> Box:
+    """The box (2, 3) around instances' boxes, as UsdGeom computes it: each turned, then boxed again.
+
+    position (L, 3), turn (L, 4) i j k real, size (L,), box (L, 2, 3) of each instance's prototype.
+    A turned box reaches as far along an axis as |R| times its half extents.
+    """
+    rotation = rotation_matrix(np.asarray(turn, float)) * np.asarray(size, float)[:, None, None]
+    box = box.astype(float)
+    middle = np.einsum("lij,lj->li", rotation, box.mean(axis=1)) + np.asarray(position, np.float32)
+    half = np.einsum("lij,lj->li", np.abs(rotation), np.ptp(box, axis=1) / 2)
+    return np.stack([(middle - half).min(axis=0), (middle + half).max(axis=0)]).astype(np.float32)
+
+
+def rotation_matrix(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrices (L, 3, 3) for column vectors, of quaternions (L, 4) i j k real of any length."""
+    i, j, k, w = (turn / np.linalg.norm(turn, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
+        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
+        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def place(prim: Usd.Prim, matrix: NDArray[np.float64]) -> None:
+    """Give a prim its local transform: a matrix (4, 4) for column vectors."""
+    UsdGeom.Xformable(prim).AddTransformOp().Set(Gf.Matrix4d(matrix.T.tolist()))

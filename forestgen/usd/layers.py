@@ -1,0 +1,54 @@
+"""Layers: new ones with our conventions, and saving that never fails unseen."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+
+def require_prim_name(name: str) -> None:
+    """Refuse a name that USD would refuse.
+
+    Raises:
+        ValueError: `name` is no ASCII identifier.
+    """
+    if not (name.isascii() and Sdf.Path.IsValidIdentifier(name)):
+        raise ValueError(f"{name!r} is no prim name; expected ASCII letters, digits and _, not starting with a digit")
+
+
+def new_stage(root: str) -> Usd.Stage:
+    """Open an empty stage in memory, in metres with Y up; `root` becomes the name of its default prim.
+
+    Nothing that it points to is ever opened: references and payloads are only written down.
+    """
+    layer = Sdf.Layer.CreateAnonymous(f"{root}.usda")
+    stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    layer.defaultPrim = root
+    return stage
+
+
+def save(layer: Sdf.Layer, path: Path) -> Path:
+    """Write a layer to `path`, text or binary by its ending. A file that could not be written whole is removed.
+
+    Raises:
+        OSError: disk full, no such folder, no right to write.
+    """
+    try:
+        is_written = layer.Export(os.fspath(path))
+        reason = "USD gave no reason"
+    except Tf.ErrorException as error:
+        is_written, reason = False, str(error.args[0].commentary) if error.args else str(error)
+    if not is_written:
+        path.unlink(missing_ok=True)
+        raise OSError(f"{path} could not be written: {reason}")
+    return path
+
+
+def relative(target: Path, folder: Path) -> str:
+    """The asset path that leads from a layer in `folder` to `target`: always relative, always with `/`."""
+    path = Path(os.path.relpath(target, folder)).as_posix()
+    return path if path.startswith("../") else f"./{path}"
