@@ -42,7 +42,7 @@ class Drawable:
             **({} if self.normals is None else {"normals": (np.float64, "P", 3)}),
             **({} if self.texture is None else {"texture": (np.uint8, "H", "W", 4)}),
         )
-        if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
+        if self.faces.size and not (self.faces.min() >= 0 and self.faces.max() < len(self.points)):
             raise ValueError(f"Drawable {self.name!r}: faces point outside its points")
 
     @property
