@@ -148,3 +148,15 @@ def _mesh(pyrender: Any, drawable: Drawable, name: str) -> Any:
         poses=drawable.transforms,
     )
     return pyrender.Mesh(primitives=[primitive], name=name)
+
+
+def gl_description() -> str:
+    """What draws here: OpenGL's renderer and version, in one line.
+
+    Raises:
+        RenderError: OpenGL is not there.
+    """
+    with Studio([]):
+        from OpenGL.GL import GL_RENDERER, GL_VERSION, glGetString
+
+        return " ".join(glGetString(name).decode() for name in (GL_RENDERER, GL_VERSION))
