@@ -1,10 +1,10 @@
 """The scene: an assembly of trees that reference their components, a ground, lights, the photos' cameras.
 
-    /<scene>                 kind assembly
-        trees                kind group; every tree and copy an instanceable Xform that references its component
-        ground               kind component; a plane wide enough for the trees
-        cameras/<tree>       references the tree's camera layer, standing where the tree stands
-        lights               a sun and a sky
+/<scene>                 kind assembly
+    trees                kind group; every tree and copy an instanceable Xform that references its component
+    ground               kind component; a plane wide enough for the trees
+    cameras/<tree>       references the tree's camera layer, standing where the tree stands
+    lights               a sun and a sky
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ SUN_DIRECTION_DEG = (-50.0, 35.0)  # pitch about X, then heading about Y: from a
 ORDER = Vt.TokenArray(["xformOp:translate", "xformOp:rotateY", "xformOp:scale"])
 
 
-def write_forest(forest: Forest, assets: Mapping[str, Path], cameras: Mapping[str, Path], path: Path, name: str) -> Path:
+def write_forest(
+    forest: Forest, assets: Mapping[str, Path], cameras: Mapping[str, Path], path: Path, name: str
+) -> Path:
     """Write the scene `name` to `path`; give `path`.
 
     `assets` and `cameras` lead from a prototype's name to its written layers, which the scene
@@ -60,9 +62,7 @@ def write_forest(forest: Forest, assets: Mapping[str, Path], cameras: Mapping[st
     return save(layer, path)
 
 
-def _add_trees(
-    layer: Sdf.Layer, home: Sdf.Path, forest: Forest, assets: Mapping[str, Path], folder: Path
-) -> None:
+def _add_trees(layer: Sdf.Layer, home: Sdf.Path, forest: Forest, assets: Mapping[str, Path], folder: Path) -> None:
     """Add every tree below `home`, by Sdf in one change block: a hundredth of the time of the schema classes."""
     references = [Sdf.Reference(relative(assets[prototype], folder)) for prototype in forest.prototypes]
     parent = layer.GetPrimAtPath(home)
@@ -74,9 +74,7 @@ def _add_trees(
             _stand(tree, forest, k)
 
 
-def _add_cameras(
-    layer: Sdf.Layer, home: Sdf.Path, forest: Forest, cameras: Mapping[str, Path], folder: Path
-) -> None:
+def _add_cameras(layer: Sdf.Layer, home: Sdf.Path, forest: Forest, cameras: Mapping[str, Path], folder: Path) -> None:
     """Reference each prototype's cameras once, where its first tree stands."""
     first = dict(zip(reversed(forest.prototype.tolist()), reversed(range(len(forest.names))), strict=True))
     with_camera = [k for k, prototype in enumerate(forest.prototypes) if prototype in cameras and k in first]

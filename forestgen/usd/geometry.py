@@ -53,8 +53,7 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, ma
     prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
     prim.CreateNormalsAttr(vec3f(mesh.normals))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    st.Set(Vt.Vec2fArray.FromNumpy(mesh.uv.astype(np.float32)))
+    _author_st(prim, mesh.uv)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     prim.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
     prim.CreateDoubleSidedAttr(True)
@@ -62,6 +61,17 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, ma
     prim.CreateExtentAttr(vec3f(box))
     bind(prim.GetPrim(), material)
     return box
+
+
+def _author_st(prim: UsdGeom.Mesh, uv: NDArray[np.float64]) -> None:
+    """Author texture coordinates (P, 2) a point; where some come twice, each value once and an index."""
+    value = np.ascontiguousarray(uv.astype(np.float32) + np.float32(0))  # no -0: it would hide a repetition
+    _, first, index = np.unique(value.view(np.uint64).ravel(), return_index=True, return_inverse=True)
+    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    if len(first) < len(value):
+        st.SetIndices(Vt.IntArray.FromNumpy(index.astype(np.int32)))
+        value = value[first]
+    st.Set(Vt.Vec2fArray.FromNumpy(value))
 
 
 def define_leaves(

@@ -41,13 +41,13 @@ def define_plain_material(stage: Usd.Stage, path: Sdf.Path, srgb: ArrayLike) -> 
 def linear_from_srgb(srgb: ArrayLike) -> NDArray[np.float64]:
     """Linear light of sRGB-encoded values in [0, 1], any shape (IEC 61966-2-1)."""
     value = np.asarray(srgb, float)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4))
 
 
 def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
     """sRGB-encoded values of linear light in [0, 1], any shape (IEC 61966-2-1)."""
     value = np.clip(np.asarray(linear, float), 0.0, 1.0)
-    return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
+    return np.asarray(np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055))
 
 
 def _define_surface(stage: Usd.Stage, path: Sdf.Path, roughness: float) -> UsdShade.Shader:

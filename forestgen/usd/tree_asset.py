@@ -65,7 +65,7 @@ def write_png(image: NDArray[np.uint8], path: Path) -> None:
 
 
 def _is_plain(rgb: NDArray[np.uint8]) -> bool:
-    return rgb.shape[0] * rgb.shape[1] == 1
+    return rgb.shape[:2] == (1, 1)
 
 
 def _geometry(model: TreeModel, name: str) -> tuple[Sdf.Layer, Box]:

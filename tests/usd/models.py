@@ -72,7 +72,12 @@ def view(camera: Camera) -> View:
 
 
 def tree_model(
-    *, leaves: Leaves | None = None, n_leaves: int = 50, n_prototypes: int = 3, mesh: Mesh | None = None, name: str = "oak"
+    *,
+    leaves: Leaves | None = None,
+    n_leaves: int = 50,
+    n_prototypes: int = 3,
+    mesh: Mesh | None = None,
+    name: str = "oak",
 ) -> TreeModel:
     """A box for a trunk, and leaves; `n_leaves=0` gives a bare tree."""
     rng = np.random.default_rng(7)
