@@ -1,0 +1,176 @@
+"""Crown volume: where in space the photos allow wood and leaves, and points spread evenly in it.
+
+The silhouettes bound the crown across each view. One photo leaves the depth open; the crown is then
+taken as round: its outline is turned about the trunk, at each height with the mean of its left and
+right half-widths (Tan et al. 2008 have no such bound; their turned joints keep only a loose balance).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from forestgen.camera import Camera
+from forestgen.errors import StageError
+from forestgen.tree.scale import own_part
+from forestgen.tree.view import View
+
+CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, share of the height (as the measures do)
+PASS = 0.010  # radius of the sky gaps that wood may cross
+LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
+MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
+SMOOTH = 0.03  # along the height, of the depth: the unseen outline does not repeat the seen one's notches
+RIM = 0.08  # of the squared half-width: what thickness is left at the outline
+PROFILE = 256  # heights at which the turned outline is kept
+SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedOutline:
+    """The outline of a view's envelope about the trunk; its camera's axes, metres. R heights."""
+
+    axes: NDArray[np.float64]  # (3, 3) right, up, toward the camera
+    up: NDArray[np.float64]  # (R,) rising
+    centre: NDArray[np.float64]  # (R,) of the trunk, along right
+    left: NDArray[np.float64]  # (R,) half-widths, 0 where there is no crown
+    right: NDArray[np.float64]  # (R,)
+    depth: NDArray[np.float64]  # (R,)
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether points (N, 3) lie within the depth that the turned outline has at their place (N,)."""
+        across, up, toward = (points @ self.axes.T).T
+        at = [np.interp(up, self.up, values) for values in (self.centre, self.left, self.right, self.depth)]
+        side = np.where(across < at[0], at[1], at[2])
+        share = 1 - ((across - at[0]) / np.maximum(side, 1e-9)) ** 2
+        reach = at[3] * np.sqrt(np.maximum(share, RIM))
+        return np.asarray((np.abs(toward) <= reach) & (up >= self.up[0]) & (up <= self.up[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class CrownVolume:
+    """The space of one tree's crown."""
+
+    cameras: tuple[Camera, ...]
+    passable: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where wood may pass
+    leafy: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where a twig may end
+    turned: TurnedOutline | None  # None where the views bound the depth
+    height: float  # m, of the tree
+    low: NDArray[np.float64]  # (3,) box about the crown, m
+    high: NDArray[np.float64]  # (3,)
+
+    def allows(self, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether wood may pass at points (N, 3), and whether a twig may end there, both (N,)."""
+        within = np.ones(len(points), bool) if self.turned is None else self.turned.contains(points)
+        pass_, end = within.copy(), within.copy()
+        for camera, passable, leafy in zip(self.cameras, self.passable, self.leafy, strict=True):
+            column, row = np.floor(camera.project(points)).astype(np.int64).T
+            seen = (column >= 0) & (row >= 0) & (column < passable.shape[1]) & (row < passable.shape[0])
+            column, row = np.where(seen, column, 0), np.where(seen, row, 0)
+            pass_ &= seen & passable[row, column]
+            end &= seen & leafy[row, column]
+        return pass_, end
+
+    def sample(self, spacing: float, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Points (N, 3) spread evenly where twigs may end: one in each cell of a grid, shaken."""
+        count = np.maximum(1, np.ceil((self.high - self.low) / spacing).astype(int))
+        cells = np.stack(np.meshgrid(*[np.arange(n) for n in count], indexing="ij"), axis=-1).reshape(-1, 3)
+        points = self.low + (cells + rng.random(cells.shape)) * spacing
+        return np.asarray(points[self.allows(points)[1]])
+
+
+def dilate(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """The mask (H, W) grown by a disc of any radius, px: by distances, as large discs are slow otherwise."""
+    if not mask.any():
+        return mask
+    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(away <= radius)
+
+
+def close(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """The mask (H, W) with gaps closed that a disc of the radius, px, does not fit in."""
+    room = int(np.ceil(radius)) + 1
+    grown = dilate(np.pad(mask, room), radius)
+    return ~dilate(~grown, radius)[room:-room, room:-room]
+
+
+def envelope(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """The closed mask (H, W) with its holes filled."""
+    closed = close(mask, radius).astype(np.uint8)
+    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return np.asarray(cv2.drawContours(np.zeros_like(closed), outlines, -1, 1, cv2.FILLED) > 0)
+
+
+def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume:
+    """The volume of a tree's crown from its views; without `is_round` the silhouettes alone bound it.
+
+    Raises:
+        StageError: a view shows no crown.
+    """
+    passable, leafy, outlines = [], [], []
+    owns = [own_part(view.mattes.is_tree, view.strokes) for view in views]
+    height = _height(owns[0], views[0].camera)
+    for view, own in zip(views, owns, strict=True):
+        unit = height * view.camera.px_per_metre
+        crown = own if view.mattes.is_bare else own & view.mattes.is_foliage
+        if not crown.any():
+            raise StageError(f"{view.photo.name}: no foliage or branch of this tree was found to grow into")
+        passable.append(close(own, PASS * unit))
+        # of a bare tree twigs are the outline; they may lie beside the drawn ones
+        ends = dilate(crown, LEAFY * unit) if view.mattes.is_bare else close(crown, LEAFY * unit)
+        inner = ~dilate(~ends, MARGIN * unit)
+        leafy.append(inner if inner.sum() > 0.3 * crown.sum() else ends)
+        outlines.append(envelope(crown, CLOSE * unit))
+    azimuth = np.array([view.camera.azimuth for view in views])
+    apart = np.abs((azimuth[:, None] - azimuth + np.pi / 2) % np.pi - np.pi / 2)
+    is_open = is_round and apart.max() < SIDE_VIEW
+    turned = turn_outline(outlines[0], views[0].camera, height) if is_open else None
+    low, high = _box(outlines, [view.camera for view in views], height)
+    cameras = tuple(view.camera for view in views)
+    return CrownVolume(cameras, tuple(passable), tuple(leafy), turned, height, low, high)
+
+
+def _height(own: NDArray[np.bool_], camera: Camera) -> float:
+    """Metres from the root to the highest row of the tree's own matte (H, W)."""
+    if not own.any():
+        raise StageError("nothing of the tree was found in its photo to grow into")
+    top = camera.unproject([[camera.root_px[0], float(np.flatnonzero(own.any(axis=1))[0])]])
+    return max(float(top[0] @ camera.axes[1]), 1e-6)
+
+
+def turn_outline(outline: NDArray[np.bool_], camera: Camera, height: float) -> TurnedOutline:
+    """Half-widths of an envelope (H, W) about the trunk, row by row, and the depth they suggest."""
+    rows = np.flatnonzero(outline.any(axis=1))
+    first = outline[rows].argmax(axis=1)
+    last = outline.shape[1] - outline[rows, ::-1].argmax(axis=1)
+    ends = [camera.unproject(np.column_stack([x, rows + 0.5])) @ camera.axes.T for x in (first, last)]
+    up, low, high = ends[0][::-1, 1], ends[0][::-1, 0], ends[1][::-1, 0]
+    even = np.linspace(up[0], up[-1], PROFILE)
+    low, high = np.interp(even, up, low), np.interp(even, up, high)
+    quarter = 0.25 * (high - low)  # a trunk whose foot is not under its crown: turn about the crown's own middle half
+    sigma = SMOOTH * height / max(even[1] - even[0], 1e-9)
+    centre = gaussian_filter1d(np.clip(0.0, low + quarter, high - quarter), sigma, mode="nearest")
+    left, right = np.maximum(centre - low, 0.0), np.maximum(high - centre, 0.0)
+    depth = gaussian_filter1d(0.5 * (left + right), sigma, mode="nearest")
+    return TurnedOutline(camera.axes, even, centre, left, right, depth)
+
+
+def _box(
+    outlines: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera], height: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A box that surely holds the crown: heights from the first view, widths from the widest, about the trunk."""
+    widest, lowest, highest = 0.0, np.inf, -np.inf
+    for outline, camera in zip(outlines, cameras, strict=True):
+        row, column = np.nonzero(outline)
+        local = camera.unproject(np.column_stack([column + 0.5, row + 0.5])) @ camera.axes.T
+        widest = max(widest, float(np.abs(local[:, 0]).max()))
+        lowest, highest = min(lowest, float(local[:, 1].min())), max(highest, float(local[:, 1].max()))
+    room = 0.02 * height
+    return (
+        np.array([-widest - room, lowest - room, -widest - room]),
+        np.array([widest + room, highest + room, widest + room]),
+    )

@@ -1,0 +1,130 @@
+"""Limbs: branches are replaced by library subtrees, each time the one that lowers the cost most (Tan et al. 2008)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.tree.grow import kernels
+from forestgen.tree.grow.attractors import Field, turn_about
+from forestgen.tree.grow.growing_tree import GrowingTree
+from forestgen.tree.grow.placement import Placements
+from forestgen.tree.strategy import OnStep
+
+KINDS = ("image", "space")  # the cost that drives, in turn
+TRIES = 8  # of the best placements, before an iteration is given up as too crowded
+START_ROOM = 2.5  # nearness distances along a new branch within which its bearer may be near
+
+
+class PlacementScores(Protocol):
+    """What limbs need to know of placements; `scores.Scores` is fast, the tests have a plain one."""
+
+    space: Field
+
+    def cost(self, kind: str) -> float: ...
+    def gains(self, axis: int, line: NDArray[np.float64], kind: str) -> NDArray[np.float64]: ...
+    def placements(self, line: NDArray[np.float64]) -> tuple[Placements, NDArray[np.bool_]]: ...
+    def grow(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> None: ...
+
+
+@dataclass(frozen=True)
+class LimbRules:
+    """How limbs are grown; lengths in metres."""
+
+    iterations: int
+    n_candidates: int  # branches looked at in one iteration
+    near: float  # a new branch ends where it comes this near to another
+    share: float  # of a branch's nodes that pruning must leave
+    min_gain: float  # of cost; below it an iteration adds nothing
+    patience: int  # iterations without an addition after which growth ends; 0: never
+
+
+def grow_limbs(
+    tree: GrowingTree, scores: PlacementScores, rules: LimbRules, *, rng: np.random.Generator, on_step: OnStep | None
+) -> None:
+    """Replace branches, alternately driven by image attractors and by attractors in space."""
+    used: set[tuple[int, int]] = set()
+    idle = 0
+    for iteration in range(rules.iterations):
+        kind = KINDS[iteration % 2]
+        drawn = draw_branches(np.array(tree.radius), [axis.order for axis in tree.axes], rules.n_candidates, rng=rng)
+        gain = {axis: scores.gains(axis, tree.line(axis), kind) for axis in drawn}
+        first = len(tree.parent)
+        for axis, which in _best(gain, used, rules.min_gain):
+            used.add((axis, which))
+            if _replace(tree, scores, axis, which, rules):
+                break
+        idle = 0 if len(tree.parent) > first else idle + 1
+        if len(tree.parent) > first:
+            scores.grow(*tree.segments(first))
+            add_turned_joints(tree, scores.space, first)
+        if on_step is not None:
+            on_step(
+                iteration + 1, rules.iterations, {"image cost": scores.cost("image"), "3-D cost": scores.cost("space")}
+            )
+        if rules.patience and idle >= rules.patience:
+            break
+
+
+def draw_branches(
+    radius: NDArray[np.float64], order: list[int], count: int, *, rng: np.random.Generator
+) -> list[int]:
+    """A small set of axes: thickest first, each taken with a probability of one over its generation."""
+    ranked = np.argsort(-radius, kind="stable")
+    taken = rng.random(len(ranked)) < 1.0 / (np.asarray(order)[ranked] + 1)
+    return [int(axis) for axis in ranked[taken][:count]]
+
+
+def _best(
+    gain: dict[int, NDArray[np.float64]], used: set[tuple[int, int]], min_gain: float
+) -> list[tuple[int, int]]:
+    """The (axis, placement) of the greatest gains, best first, that were not tried before."""
+    found = []
+    for axis, values in gain.items():
+        for which in np.argsort(-values, kind="stable")[: TRIES + sum(1 for one, _ in used if one == axis)]:
+            if values[which] > min_gain and (axis, int(which)) not in used:
+                found.append((-float(values[which]), axis, int(which)))
+    return [(axis, which) for _, axis, which in sorted(found)[:TRIES]]
+
+
+def _replace(tree: GrowingTree, scores: PlacementScores, axis: int, which: int, rules: LimbRules) -> bool:
+    """Put one placement on the tree, without what is too near to other branches; whether anything was left."""
+    placed, stays = scores.placements(tree.line(axis))
+    part = slice(placed.start[which], placed.start[which + 1])
+    one = Placements(
+        placed.position[part],
+        placed.foot[part],
+        np.where(placed.parent[part] < 0, -1, placed.parent[part] - part.start),
+        placed.at[part],
+        placed.group[part] - placed.group[part.start],
+        np.array([0, part.stop - part.start]),
+    )
+    left = stays[part] & ~_crowded(tree, one, rules.near)
+    left = kernels.prune(one.parent, one.group, left, left, rules.share)
+    if not left.any():
+        return False
+    tree.add(axis, one, left)
+    return True
+
+
+def _crowded(tree: GrowingTree, placed: Placements, near: float) -> NDArray[np.bool_]:
+    """Which nodes (M,) of a placement come too near to a branch that is there already, other than where they start."""
+    away = kernels.distance_to_segments(placed.position, *tree.segments())
+    step = np.linalg.norm(placed.position - placed.before, axis=1)
+    run = np.zeros(len(step))  # from the supporting branch
+    for m in range(len(step)):
+        run[m] = step[m] + (run[placed.parent[m]] if placed.parent[m] >= 0 else 0.0)
+    return np.asarray((away < near) & (run > START_ROOM * near))
+
+
+def add_turned_joints(tree: GrowingTree, space: Field, first: int) -> None:
+    """Turn the joints (forks and ends) among the nodes from `first` on by 90 degrees about the trunk: they attract."""
+    many = np.bincount(tree.parent[1:], minlength=len(tree.parent))
+    joints = np.flatnonzero(many != 1)
+    joints = joints[(joints >= first) & (joints > 0)]
+    trunk = tree.line(0)[-1] - tree.line(0)[0]
+    axis = trunk / max(float(np.linalg.norm(trunk)), 1e-9)
+    space.add(turn_about(tree.position[joints], axis), *tree.segments())

@@ -1,0 +1,121 @@
+"""SubtreeReplacement: branches are replaced by library subtrees, guided by attractors (Tan et al. 2008, sec. 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
+from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume, turn_outline
+from forestgen.tree.grow.growing_tree import GrowingTree
+from forestgen.tree.grow.growth_form import growth_form
+from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
+from forestgen.tree.grow.scores import Scores
+from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
+from forestgen.tree.grow.twigs import colonise, shoots_on, smooth, without_bare_ends
+from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.strategy import OnStep, Strategy
+from forestgen.tree.view import View
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubtreeReplacement(Strategy):
+    """Growth by replacing branches with subtrees of a small library.
+
+    The paper's own setting is iterations=100, patience=0, whole_branches=True, round_crown=False, twigs=False.
+    """
+
+    iterations: int = 300  # paper: "about 100" (sec. 3.1); goes on here until nothing is gained, see `patience`
+    patience: int = 8  # paper: none; iterations in a row that add nothing, after which growth ends (0: never ends early)
+    n_rotations: int = 12  # "12 quantized levels of 360 degrees" (sec. 3.1)
+    n_subtrees: int = 8  # "at most 8 subtrees" (sec. 3.1)
+    n_candidates: int = 10  # "a small set of existing branches" (sec. 3.1): its size is not given
+    visible_subtrees: bool = True  # "taking all its subtrees" of the visible branches (sec. 3.1)
+    predefined_subtrees: bool = True  # "if there is too few subtrees we add predefined subtrees" (sec. 3.1)
+    library: str = ""  # folder of the user's own subtrees (*.json), beside the others (sec. 3.1: "can be enriched")
+    interval: float = 0.02  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
+    near: float = 0.02  # of the height; "too close to some existing branches" (sec. 3.1), not given
+    whole_branches: bool = False  # paper: a branch that leaves the foliage is removed; here it is cut back
+    round_crown: bool = True  # paper: no; the crown is as deep as wide, and points in it attract as the joints do
+    volume_interval: float = 0.05  # of the height, between the points in the crown
+    twigs: bool = True  # paper: no; last generations wherever the crown has no wood near
+    twig_interval: float = 0.028  # of the height, between the points that each want a twig
+
+    def __call__(
+        self, skeleton: Skeleton, views: Sequence[View], *, rng: np.random.Generator, on_step: OnStep | None = None
+    ) -> Skeleton:
+        """Grow the visible skeleton into the whole tree's.
+
+        Raises:
+            StageError: a view shows no crown to grow into.
+            InputError: the user's library cannot be read.
+        """
+        volume = crown_volume(views, is_round=self.round_crown)
+        tree = GrowingTree(skeleton)
+        library = self._library(skeleton, views, volume)
+        image, space = self._attractors(tree, views, volume, rng=rng)
+        share = 1.0 if self.whole_branches else 0.4
+        scores = Scores(library, self.n_rotations, share, volume, image, space)
+        h = volume.height
+        rules = LimbRules(self.iterations, self.n_candidates, self.near * h, share, 0.01 * h, self.patience)
+        grow_limbs(tree, scores, rules, rng=rng, on_step=on_step)
+        return self._with_twigs(tree, volume, rng=rng) if self.twigs else tree.skeleton
+
+    def _library(self, skeleton: Skeleton, views: Sequence[View], volume: CrownVolume) -> tuple[Subtree, ...]:
+        """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""
+        tree = GrowingTree(skeleton)
+        outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
+        form = growth_form(tree.line(0), outline)
+        own = load_subtrees(Path(self.library)) if self.library else ()
+        visible = subtrees_of(skeleton, form) if self.visible_subtrees else []
+        predefined = [s for s in load_subtrees(PREDEFINED) if s.form == form] if self.predefined_subtrees else []
+        chosen = choose_diverse(visible, self.n_subtrees // 2)
+        rest = choose_diverse(predefined, self.n_subtrees - len(chosen) - len(own))
+        return (*own, *chosen, *rest)[: self.n_subtrees]
+
+    def _attractors(
+        self, tree: GrowingTree, views: Sequence[View], volume: CrownVolume, *, rng: np.random.Generator
+    ) -> tuple[list[Field], Field]:
+        """Attractors of each image, and those in space: turned joints, and points in the crown."""
+        image = []
+        for view, region in zip(views, volume.leafy, strict=True):
+            one = empty_field()
+            ends = [picture_plane(view.camera, end) for end in tree.segments()]
+            one.add(image_attractors(region, view.camera, self.interval * volume.height), *ends)
+            image.append(one)
+        space = empty_field()
+        add_turned_joints(tree, space, 0)
+        if self.round_crown:
+            space.add(volume.sample(self.volume_interval * volume.height, rng), *tree.segments())
+        return image, space
+
+    def _with_twigs(self, tree: GrowingTree, volume: CrownVolume, *, rng: np.random.Generator) -> Skeleton:
+        """The tree with its last generations, down to a twig near every place in the crown."""
+        position, parent, first = tree.position, tree.parent, len(tree.parent)
+        fine = self.twig_interval * volume.height
+        trunk = np.zeros(len(parent), bool)
+        trunk[tree.axes[0].nodes[: max(1, int(0.75 * len(tree.axes[0].nodes)))]] = True
+        for spacing in (4 * fine, 2 * fine, fine):
+            bears = ~trunk if spacing == fine else np.ones(len(parent), bool)
+            if len(bears) < len(parent):
+                bears = np.concatenate([bears, np.ones(len(parent) - len(bears), bool)])
+            shoots = shoots_on(position, parent, bears, 0.5 * spacing)
+            target = volume.sample(spacing, rng)
+            before = len(parent)
+            colonise(shoots, volume, target, spacing, rng=rng)
+            place = smooth(shoots.position, shoots.parent, before, 2)
+            stays = without_bare_ends(shoots.parent, first, volume.allows(place)[1])
+            position, parent = _compact(place, shoots.parent, stays)
+            trunk = np.concatenate([trunk, np.zeros(len(parent) - len(trunk), bool)])
+        radius = np.full(len(parent), np.nan)
+        radius[: tree.n_visible] = tree.skeleton.radius[: tree.n_visible]
+        return Skeleton(position, parent, radius)
+
+
+def _compact(position, parent, stays):  # type: ignore[no-untyped-def]
+    index = np.cumsum(stays) - 1
+    kept = parent[stays]
+    return position[stays], np.where(kept < 0, -1, index[kept])

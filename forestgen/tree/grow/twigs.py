@@ -1,0 +1,177 @@
+"""Twigs: the last generations, grown toward every part of the crown that has no wood near it yet.
+
+Space colonisation (Runions et al. 2007): each attractor pulls at its nearest node; a node that is
+pulled grows by a step, and an attractor that is reached is gone. From coarse attractors to fine
+ones, so that branches carry to the rim before twigs fill in. Tan et al. 2008 stop at the limbs; a
+leaf, however, must hang on a twig wherever the photo shows foliage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.tree.grow import kernels
+from forestgen.tree.grow.crown_volume import CrownVolume
+from forestgen.tree.skeleton import n_children
+
+STEP = 0.5  # of the attractors' spacing
+REACHED = 0.55  # of the spacing: an attractor this near has its wood
+INFLUENCE = 4.0  # of the spacing: how far an attractor pulls
+BEND = np.deg2rad(32)  # at most, from one step to the next
+SIDE = (np.deg2rad(38), np.deg2rad(68))  # between a side shoot and its bearer
+SIDES = 2  # side shoots of a node, at most
+INERTIA = 0.6  # of a shoot, against the pull of 1
+LIFT = 0.12  # upward, against the pull of 1: light
+WANDER = 0.12  # random, against the pull of 1
+MAX_STEPS = 80
+
+
+@dataclass(eq=False)
+class Shoots:
+    """Nodes that may grow. N nodes; the first ones stand on the limbs."""
+
+    position: NDArray[np.float64]  # (N, 3)
+    parent: NDArray[np.int64]  # (N,)
+    heading: NDArray[np.float64]  # (N, 3) unit, of the segment that leads to the node (of the axis, on a limb)
+    children: NDArray[np.int64]  # (N,)
+    bears: NDArray[np.bool_]  # (N,) whether it may grow at all
+
+
+def colonise(
+    shoots: Shoots, volume: CrownVolume, target: NDArray[np.float64], spacing: float, *, rng: np.random.Generator
+) -> None:
+    """Grow shoots toward targets (S, 3) until each is reached or cannot be; metres."""
+    open_ = np.ones(len(target), bool)
+    away2 = np.full(len(target), np.inf)
+    nearest = np.full(len(target), -1)
+    usable = np.where(shoots.bears[:, None], shoots.position, np.inf)
+    kernels.nearest_nodes(usable, 0, target, open_, away2, nearest)
+    reach = INFLUENCE * spacing
+    for _ in range(MAX_STEPS):
+        open_ &= (away2 > (REACHED * spacing) ** 2) & (nearest >= 0)
+        open_[open_] = shoots.bears[nearest[open_]]
+        if not open_.any():
+            return
+        pulls = np.flatnonzero(open_ & (away2 <= reach**2))
+        if not len(pulls):
+            reach = 1.2 * float(np.sqrt(away2[open_].min()))
+            continue
+        node, of = np.unique(nearest[pulls], return_inverse=True)
+        heading = _headings(shoots, node, of, target[pulls], rng=rng)
+        tip = shoots.position[node] + STEP * spacing * heading
+        fits = volume.allows(tip)[0]
+        before = away2.copy()
+        first = len(shoots.parent)
+        _append(shoots, node[fits], tip[fits], heading[fits])
+        kernels.nearest_nodes(shoots.position, first, target, open_, away2, nearest)
+        helped = np.zeros(len(node), bool)
+        np.logical_or.at(helped, of, away2[pulls] < before[pulls])
+        shoots.bears[node[~(fits & helped)]] = False
+
+
+def _headings(
+    shoots: Shoots,
+    node: NDArray[np.int64],
+    of: NDArray[np.int64],
+    target: NDArray[np.float64],
+    *,
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Directions (G, 3) in which the nodes (G,) grow, pulled by targets (E, 3), each by node[of]."""
+    pull = target - shoots.position[node[of]]
+    pull /= np.maximum(np.linalg.norm(pull, axis=1, keepdims=True), 1e-12)
+    total = np.zeros((len(node), 3))
+    np.add.at(total, of, pull)
+    total = _unit(total)
+    ahead = shoots.heading[node]
+    is_side = shoots.children[node] > 0
+    wish = total + WANDER * rng.normal(size=total.shape) + [0.0, LIFT, 0.0]
+    wish += np.where(is_side, 0.0, INERTIA)[:, None] * ahead
+    low, high = np.where(is_side, SIDE[0], 0.0), np.where(is_side, SIDE[1], BEND)
+    return turn_within(_unit(wish), ahead, low, high)
+
+
+def turn_within(
+    wish: NDArray[np.float64], axis: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The directions (G, 3) nearest to the wished ones whose angles to the axes (G, 3) lie in [low, high]."""
+    cosine = np.clip((wish * axis).sum(axis=1), -1, 1)
+    angle = np.clip(np.arccos(cosine), low, high)
+    aside = wish - cosine[:, None] * axis
+    spare = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 0, 1.0]]))
+    aside = _unit(np.where(np.linalg.norm(aside, axis=1, keepdims=True) > 1e-6, aside, spare))
+    return np.cos(angle)[:, None] * axis + np.sin(angle)[:, None] * aside
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
+
+
+def _append(
+    shoots: Shoots, node: NDArray[np.int64], tip: NDArray[np.float64], heading: NDArray[np.float64]
+) -> None:
+    shoots.children[node] += 1
+    shoots.bears[node[shoots.children[node] > SIDES]] = False
+    shoots.position = np.concatenate([shoots.position, tip])
+    shoots.parent = np.concatenate([shoots.parent, node])
+    shoots.heading = np.concatenate([shoots.heading, heading])
+    shoots.children = np.concatenate([shoots.children, np.zeros(len(node), np.int64)])
+    shoots.bears = np.concatenate([shoots.bears, np.ones(len(node), bool)])
+
+
+def shoots_on(
+    position: NDArray[np.float64], parent: NDArray[np.int64], bears: NDArray[np.bool_], spacing: float
+) -> Shoots:
+    """The nodes of a tree (N,), and places between them on long segments, as starts of shoots.
+
+    A place on a segment is a node of its own that hangs on the segment's lower end; `bears` says
+    which nodes' segments may bear shoots.
+    """
+    step = np.zeros_like(position)
+    step[1:] = position[1:] - position[parent[1:]]
+    step[0] = [0.0, 1.0, 0.0]
+    length = np.linalg.norm(step, axis=1)
+    heading = _unit(step)
+    many = np.where(bears & (parent >= 0), np.ceil(length / spacing).astype(int) - 1, 0)
+    of = np.repeat(np.arange(len(parent)), many)
+    count = np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many) + 1
+    between = position[parent[of]] + (count / (many[of] + 1))[:, None] * step[of]
+    children = np.concatenate([n_children(parent), np.ones(len(of), np.int64)])
+    return Shoots(
+        np.concatenate([position, between]),
+        np.concatenate([parent, parent[of]]),
+        np.concatenate([heading, heading[of]]),
+        children,
+        np.concatenate([bears, np.ones(len(of), bool)]) & (children <= SIDES),
+    )
+
+
+def smooth(
+    position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int
+) -> NDArray[np.float64]:
+    """Places (N, 3) with the nodes from `first` on drawn between their neighbours on the way: no zigzag."""
+    if len(parent) <= first:
+        return position
+    place = position.copy()
+    child = np.full(len(parent), -1)
+    child[parent[:0:-1]] = np.arange(len(parent) - 1, 0, -1)  # the earliest child wins
+    node = np.arange(first, len(parent))
+    node = node[child[node] >= 0]
+    for _ in range(rounds):
+        place[node] = 0.5 * place[node] + 0.25 * (place[parent[node]] + place[child[node]])
+    return place
+
+
+def without_bare_ends(
+    parent: NDArray[np.int64], first: int, may_end: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which nodes (N,) stay when those from `first` on that lead to no place where a twig may end are cut."""
+    stays = may_end.copy()
+    stays[:first] = True
+    for node in range(len(parent) - 1, 0, -1):
+        if stays[node]:
+            stays[parent[node]] = True
+    return stays
