@@ -1,0 +1,156 @@
+"""Colour models: mixtures of Gaussians over sRGB, for segmentation and for tracing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from forestgen.arrays import freeze
+
+NOISE = 1.5 / 255  # no component is narrower than this in any direction: rounding and JPEG noise
+ENOUGH_SAMPLES = 20_000  # a mixture of ten is fitted on no more pixels than this
+MAX_STEPS = 30  # of expectation-maximisation; the likelihood rises at each, the last ones change little
+SETTLED = 1e-3  # nats a pixel: less gain in one step ends the fit
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A mixture of K Gaussians over sRGB colours in [0, 1]. Densities are in nats, per unit of [0, 1]^3."""
+
+    weight: NDArray[np.float64]  # (K,) sums to 1
+    mean: NDArray[np.float64]  # (K, 3)
+    covariance: NDArray[np.float64]  # (K, 3, 3)
+
+    def __post_init__(self) -> None:
+        freeze(self, weight=(np.float64, "K"), mean=(np.float64, "K", 3), covariance=(np.float64, "K", 3, 3))
+        if not np.isclose(self.weight.sum(), 1):
+            raise ValueError(f"the weights of a mixture must add up to 1; came {self.weight.sum()}")
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+    def joint_log_density(self, rgb: NDArray[np.floating]) -> NDArray[np.float32]:
+        """log(weight_k * N_k(colour)) of each colour (N, 3) and component: (N, K)."""
+        return np.asarray(_quadratic_terms(rgb) @ self._coefficients())
+
+    def log_density(self, rgb: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Log of the mixture's density at each colour of an array (..., 3): (...)."""
+        flat = rgb.reshape(-1, 3)
+        return log_sum(self.joint_log_density(flat)).reshape(rgb.shape[:-1])
+
+    def subset(self, which: ArrayLike) -> Mixture:
+        """The mixture of some components (a mask or indices), their weights scaled to add up to 1."""
+        weight = self.weight[which]
+        if not len(weight):
+            raise ValueError("a mixture needs at least one component")
+        return Mixture(weight / weight.sum(), self.mean[which], self.covariance[which])
+
+    def _coefficients(self) -> NDArray[np.float32]:
+        """Factors (10, K) of the terms of `_quadratic_terms`."""
+        precision = np.linalg.inv(self.covariance)
+        mean = self.mean - 0.5
+        linear = np.einsum("kij,kj->ki", precision, mean)
+        constant = (
+            np.log(self.weight)
+            - 0.5 * np.linalg.slogdet(2 * np.pi * self.covariance)[1]
+            - 0.5 * np.einsum("ki,ki->k", linear, mean)
+        )
+        square = -0.5 * precision[:, [0, 1, 2], [0, 1, 2]]
+        cross = -precision[:, [0, 0, 1], [1, 2, 2]]
+        return np.concatenate([constant[:, None], linear, square, cross], axis=1).T.astype(np.float32)
+
+
+def _quadratic_terms(rgb: NDArray[np.floating]) -> NDArray[np.float32]:
+    """1, x, x^2 and cross terms (N, 10) of colours about mid-grey: any log Gaussian is linear in them."""
+    x = np.asarray(rgb, np.float32) - np.float32(0.5)
+    terms = np.empty((len(x), 10), np.float32)
+    terms[:, 0] = 1
+    terms[:, 1:4] = x
+    np.multiply(x, x, out=terms[:, 4:7])
+    np.multiply(x[:, [0, 0, 1]], x[:, [1, 2, 2]], out=terms[:, 7:10])
+    return terms
+
+
+def log_sum(joint: NDArray[np.float32]) -> NDArray[np.float32]:
+    """log of the sum of exp over the last axis."""
+    top = joint.max(axis=-1)
+    return np.asarray(top + np.log(np.exp(joint - top[..., None]).sum(axis=-1)))
+
+
+def fit_mixture(
+    rgb: NDArray[np.floating],
+    n: int,
+    *,
+    rng: np.random.Generator,
+    weight: NDArray[np.floating] | None = None,
+) -> Mixture:
+    """Fit up to n Gaussians to colours (N, 3) in [0, 1], each counting `weight` (N,), by EM.
+
+    Of many colours a subsample is drawn. Starts from distant samples (k-means++) and takes fewer
+    components where there are fewer than ten samples for each.
+
+    Raises:
+        ValueError: there is no colour at all.
+    """
+    if not len(rgb):
+        raise ValueError("a mixture needs at least one sample")
+    if len(rgb) > ENOUGH_SAMPLES:
+        pick = rng.choice(len(rgb), ENOUGH_SAMPLES, replace=False)
+        rgb, weight = rgb[pick], None if weight is None else weight[pick]
+    x = np.asarray(rgb, np.float64)
+    w = np.full(len(x), 1 / len(x)) if weight is None or not weight.sum() > 0 else weight / weight.sum()
+    n = max(1, min(n, len(x) // 10))
+    share = _nearest_seed(x, _distant_seeds(x, w, n, rng))
+    terms, before = _quadratic_terms(x), -np.inf
+    for _ in range(MAX_STEPS):
+        model = _maximise(x, w, share)
+        joint = (terms @ model._coefficients()).astype(np.float64)
+        total = log_sum(joint)  # type: ignore[arg-type]
+        fit = float(w @ total)
+        if fit - before < SETTLED:
+            break
+        share, before = np.exp(joint - total[:, None]), fit
+    return model
+
+
+def _distant_seeds(
+    x: NDArray[np.float64], w: NDArray[np.float64], n: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """n samples (n, 3), each drawn with a chance that grows with the squared distance to those before."""
+    seeds = x[[rng.choice(len(x), p=w)]]
+    distance = ((x - seeds[0]) ** 2).sum(axis=1)
+    while len(seeds) < n:
+        chance = w * (distance + NOISE**2)
+        seeds = np.vstack([seeds, x[rng.choice(len(x), p=chance / chance.sum())]])
+        distance = np.minimum(distance, ((x - seeds[-1]) ** 2).sum(axis=1))
+    return np.asarray(seeds)
+
+
+def _nearest_seed(x: NDArray[np.float64], seeds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One-hot responsibilities (N, K) of the nearest seeds."""
+    nearest = ((x[:, None] - seeds) ** 2).sum(axis=2).argmin(axis=1)
+    return np.eye(len(seeds))[nearest]
+
+
+def _maximise(x: NDArray[np.float64], w: NDArray[np.float64], share: NDArray[np.float64]) -> Mixture:
+    """The mixture that fits the responsibilities (N, K) best; components that nothing chose are dropped."""
+    mass = w @ share
+    share, mass = share[:, mass > 1e-6], mass[mass > 1e-6]
+    weighted = share * w[:, None]
+    mean = weighted.T @ x / mass[:, None]
+    second = np.stack([(weighted[:, k, None] * (x - mean[k])).T @ (x - mean[k]) for k in range(len(mass))])
+    covariance = second / mass[:, None, None] + NOISE**2 * np.eye(3)
+    return Mixture(mass / mass.sum(), mean, covariance)
+
+
+def component_distance(a: Mixture, b: Mixture) -> NDArray[np.float64]:
+    """Bhattacharyya distance of each component of a from each of b: (K_a, K_b), 0 where they coincide."""
+    middle = (a.covariance[:, None] + b.covariance[None]) / 2
+    apart = a.mean[:, None] - b.mean[None]
+    shift = np.einsum("abi,abi->ab", apart, np.linalg.solve(middle, apart[..., None])[..., 0])
+    spread = np.linalg.slogdet(middle)[1] - 0.5 * (
+        np.linalg.slogdet(a.covariance)[1][:, None] + np.linalg.slogdet(b.covariance)[1][None]
+    )
+    return np.asarray(shift / 8 + spread / 2)
