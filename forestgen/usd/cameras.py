@@ -51,7 +51,8 @@ def define_camera(stage: Usd.Stage, path: Sdf.Path, camera: Camera, stand_off: f
     prim.CreateProjectionAttr(UsdGeom.Tokens.orthographic if is_orthographic else UsdGeom.Tokens.perspective)
     prim.CreateHorizontalApertureAttr(float(width * shrink / TENTH))
     prim.CreateVerticalApertureAttr(float(height * shrink / TENTH))
-    prim.CreateFocalLengthAttr(float(distance * shrink / TENTH))
+    if not is_orthographic:
+        prim.CreateFocalLengthAttr(float(distance * shrink / TENTH))
     prim.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 100.0 * distance))
     prim.CreateFocusDistanceAttr(float(distance))
     place(prim.GetPrim(), camera_pose(camera, distance))
@@ -64,4 +65,4 @@ def camera_pose(camera: Camera, distance: float) -> NDArray[np.float64]:
     pose = np.eye(4)
     pose[:3, :3] = camera.axes.T
     pose[:3, 3] = np.array([*aside, distance]) @ camera.axes
-    return pose
+    return pose + 0.0  # no -0 in the text

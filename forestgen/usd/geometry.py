@@ -85,7 +85,7 @@ def define_leaves(
     """
     if not len(leaves):
         raise ValueError(f"{path}: an instancer without instances cannot be written")
-    if not (0 <= leaves.prototype.min() and leaves.prototype.max() < len(prototypes)):
+    if not (leaves.prototype.min() >= 0 and leaves.prototype.max() < len(prototypes)):
         raise ValueError(f"{path}: a leaf's prototype is not among the {len(prototypes)} of the atlas")
     if not (np.isfinite(leaves.position).all() and np.isfinite(leaves.size).all() and leaves.size.min() > 0):
         raise ValueError(f"{path}: leaves need finite positions and sizes above 0")
@@ -129,8 +129,11 @@ def instances_box(position: ArrayLike, turn: ArrayLike, size: ArrayLike, box: ND
 
 
 def rotation_matrix(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrices (L, 3, 3) for column vectors, of quaternions (L, 4) i j k real of any length."""
-    i, j, k, w = (turn / np.linalg.norm(turn, axis=1, keepdims=True)).T
+    """Matrices (L, 3, 3) for column vectors, of quaternions (L, 4) i j k real.
+
+    They are not made unit first: USD does not either, and halves are unit to 1e-3 only.
+    """
+    i, j, k, w = turn.T
     rows = [
         [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
         [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from forestgen.errors import InputError
+
 
 def require_prim_name(name: str) -> None:
     """Refuse a name that USD would refuse.
@@ -31,6 +33,11 @@ def new_stage(root: str) -> Usd.Stage:
     return stage
 
 
+def reason(error: Tf.ErrorException) -> str:
+    """USD's first complaint in words, without its source lines."""
+    return str(error.args[0].commentary) if error.args else str(error)
+
+
 def save(layer: Sdf.Layer, path: Path) -> Path:
     """Write a layer to `path`, text or binary by its ending. A file that could not be written whole is removed.
 
@@ -38,14 +45,29 @@ def save(layer: Sdf.Layer, path: Path) -> Path:
         OSError: disk full, no such folder, no right to write.
     """
     try:
-        is_written = layer.Export(os.fspath(path))
-        reason = "USD gave no reason"
+        is_written, why = layer.Export(os.fspath(path)), "USD gave no reason"
     except Tf.ErrorException as error:
-        is_written, reason = False, str(error.args[0].commentary) if error.args else str(error)
+        is_written, why = False, reason(error)
     if not is_written:
         path.unlink(missing_ok=True)
-        raise OSError(f"{path} could not be written: {reason}")
+        raise OSError(f"{path} could not be written: {why}")
     return path
+
+
+def open_stage(path: Path) -> Usd.Stage:
+    """Open a stage as it is on disk now, all payloads loaded.
+
+    Raises:
+        InputError: there is no such file, or it is no USD.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; expected a USD stage")
+    try:
+        stage = Usd.Stage.Open(os.fspath(path), Usd.Stage.LoadAll)
+        stage.Reload()  # a layer of the same path may still be held from before it was written anew
+    except Tf.ErrorException as error:
+        raise InputError(f"{path}: cannot be opened as USD: {reason(error)}") from error
+    return stage
 
 
 def relative(target: Path, folder: Path) -> str:

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdGeom, UsdShade
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
+from forestgen.usd.layers import open_stage
 from forestgen.usd.polygons import Triangles, read_triangles
 from forestgen.usd.surface import Surface, surface_of
 
@@ -36,33 +37,15 @@ def read_drawables(path: Path, prim_path: str | None = None) -> list[Drawable]:
         InputError: the stage, a layer, a texture or the prim is missing, or geometry is broken.
     """
     stage = open_stage(path)
+    errors = stage.GetCompositionErrors()
+    if errors:
+        raise InputError(f"{path}: {errors[0]}")
     root = stage.GetPrimAtPath(prim_path) if prim_path else stage.GetPseudoRoot()
     if not root:
         raise InputError(f"{path}: there is no prim {prim_path}")
     found = _Reader(stage).below_world(root)
     world = _to_metres_y_up(stage)
     return [_with_places(drawable, world @ places) for drawable, places in _merge(found)]
-
-
-def open_stage(path: Path) -> Usd.Stage:
-    """Open a stage as it is on disk now, all payloads loaded.
-
-    Raises:
-        InputError: it, or a layer that it needs, cannot be read.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    try:
-        stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
-        stage.Reload()  # a layer of the same path may still be held from before it was written anew
-    except Tf.ErrorException as error:
-        raise InputError(
-            f"{path}: cannot be opened as USD: {error.args[0].commentary if error.args else error}"
-        ) from error
-    errors = stage.GetCompositionErrors()
-    if errors:
-        raise InputError(f"{path}: {errors[0]}")
-    return stage
 
 
 def is_foliage(prim: Usd.Prim, material: str) -> bool:

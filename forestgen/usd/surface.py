@@ -141,10 +141,10 @@ def _load(shader: UsdShade.Shader) -> NDArray[np.float32]:
     full = np.ones((*value.shape[:2], 4), np.float32)
     if value.shape[2] <= 2:
         full[..., :3] = value[..., :1]
-        full[..., 3:] = value[..., 1:]
+        full[..., 3:] = value[..., 1:] if value.shape[2] > 1 else 1.0
     else:
         full[..., :3] = value[..., 2::-1]
-        full[..., 3:] = value[..., 3:]
+        full[..., 3:] = value[..., 3:] if value.shape[2] > 3 else 1.0
     return full
 
 

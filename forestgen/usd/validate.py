@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Tf, Usd, UsdValidation
+from pxr import UsdValidation
 
-from forestgen.errors import InputError
+from forestgen.usd.layers import open_stage
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,9 @@ def validate(path: Path) -> list[Finding]:
     """Open a stage with all payloads and ask all validators; no finding means an empty list.
 
     Raises:
-        InputError: the stage cannot be opened.
+        InputError: there is no such file, or it is no USD.
     """
-    try:
-        stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
-    except Tf.ErrorException as error:
-        raise InputError(f"{path}: cannot be opened as USD: {error}") from error
-    stage.Reload()  # a layer of the same path may still be held from before it was written anew
+    stage = open_stage(path)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(stage)
     return [_finding(error) for error in errors]
