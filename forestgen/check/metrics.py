@@ -175,7 +175,7 @@ def masked_blur(
     layers = np.dstack([picture * share[..., None], share]).astype(np.float32)
     blurred = np.asarray(cv2.GaussianBlur(layers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT), np.float32)
     weight = blurred[..., 3]
-    return blurred[..., :3] / np.maximum(weight, np.float32(1e-6))[..., None], weight
+    return np.asarray(blurred[..., :3] / np.maximum(weight, 1e-6)[..., None], np.float32), weight
 
 
 def window(mask: Mask, margin: int) -> tuple[slice, slice]:

@@ -1,0 +1,233 @@
+"""Check an output folder: read each tree back from its written stage, score it, draw it, report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from forestgen.check import pictures
+from forestgen.check.reference import Provenance, read_provenance, read_views
+from forestgen.check.report import PictureFile, TreeReport, ViewReport, write_report
+from forestgen.check.score import Gates, ViewScore, count, make_gates, score_views
+from forestgen.errors import InputError
+from forestgen.render import Drawable, Studio, frame_camera
+from forestgen.tree.skeleton import n_children
+from forestgen.tree.view import View
+
+OnTree = Callable[[str, int, int], None]
+"""Called as (tree's name, trees done, trees in all)."""
+
+REPORT = "report"  # folder of the report's pictures, beside report.html
+PORTRAIT = (560, 640)  # px
+QUALITY = 86  # of the report's JPEGs
+
+
+@dataclass(frozen=True)
+class CheckJob:
+    """What it takes to check one tree; can be sent to a worker."""
+
+    out: Path
+    name: str
+    prim_name: str
+    gates: Gates
+    pictures: Path  # folder to write the pictures to; the report will know it as report/<prim name>
+
+
+def check_output(out: Path, on_step: OnTree | None = None) -> dict[str, Any]:
+    """Score all trees of a folder that a build wrote, and write report.json and report.html anew.
+
+    Returns the content of report.json. The old report stays until the new one is whole.
+
+    Raises:
+        InputError: this is no output folder, or something in it is missing or broken.
+        RenderError: no OpenGL to render with.
+    """
+    build = read_build(out)
+    trees: list[TreeReport] = []
+    entries = build["trees"]
+    with replacing_pictures(out) as folder:
+        for done, entry in enumerate(entries):
+            if on_step is not None:
+                on_step(str(entry["name"]), done, len(entries))
+            if error := entry.get("error"):
+                trees.append(failed_report(entry, str(error)))
+            else:
+                trees.append(check_tree(check_job(out, entry, folder)))
+        if on_step is not None:
+            on_step("", len(entries), len(entries))
+    return write_report(out, str(build["scene"]), trees)
+
+
+def read_build(out: Path) -> dict[str, Any]:
+    """The content of OUT/build.json: {"scene": name, "trees": [{"name", "prim_name", "gates", ...}]}.
+
+    Raises:
+        InputError: it is missing or broken.
+    """
+    path = out / "build.json"
+    try:
+        build = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: not found; expected a folder that `forestgen build` wrote") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error}): build the scene again") from error
+    fine = isinstance(build, dict) and isinstance(build.get("trees"), list) and "scene" in build
+    if not fine or not all(isinstance(e, dict) and "name" in e and "prim_name" in e for e in build["trees"]):
+        raise InputError(f"{path}: lacks 'scene', 'trees' or a tree's 'name' and 'prim_name': build the scene again")
+    return {**build, "scene": build["scene"]["name"] if isinstance(build["scene"], dict) else build["scene"]}
+
+
+def check_job(out: Path, entry: Mapping[str, Any], folder: Path) -> CheckJob:
+    """The job of one entry of build.json's trees, its pictures to go below `folder`."""
+    prim_name = str(entry["prim_name"])
+    return CheckJob(out, str(entry["name"]), prim_name, make_gates(entry.get("gates") or {}), folder / prim_name)
+
+
+def check_tree(job: CheckJob) -> TreeReport:
+    """Score one tree as written, and draw its pictures.
+
+    Raises:
+        InputError: its folder is missing or broken.
+        RenderError: no OpenGL to render with.
+    """
+    from forestgen.usd.read import read_drawables
+
+    folder = job.out / "trees" / job.prim_name
+    provenance = read_provenance(folder / "reference")
+    views = read_views(folder / "reference")
+    drawables = read_drawables(folder / f"{job.prim_name}.usda")
+    with Studio(drawables) as studio:
+        scores = score_views(studio, views, provenance.height, job.gates)
+        album = Album(job.pictures, f"{REPORT}/{job.prim_name}")
+        rows = tuple(
+            view_report(album, f"{index:02d}", view, score, provenance)
+            for index, (view, score) in enumerate(zip(views, scores, strict=True))
+        )
+        portraits = draw_portraits(album, studio, drawables, provenance)
+    is_tip = n_children(provenance.skeleton.parent) == 0
+    return TreeReport(
+        name=job.name,
+        prim_name=job.prim_name,
+        method=provenance.method,
+        seed=provenance.seed,
+        gates=job.gates,
+        views=rows,
+        seconds=provenance.seconds,
+        counts={"branches": int(np.count_nonzero(is_tip)), **count(drawables)},
+        costs={name: cost.tolist() for name, cost in provenance.costs.items()},
+        notes=provenance.notes,
+        pictures=portraits,
+    )
+
+
+def failed_report(entry: Mapping[str, Any], error: str) -> TreeReport:
+    """The row of a tree that could not be built."""
+    return TreeReport(
+        str(entry["name"]),
+        str(entry["prim_name"]),
+        str(entry.get("method", "")),
+        int(entry.get("seed") or 0),
+        make_gates(entry.get("gates") or {}),
+        error=error,
+    )
+
+
+@dataclass(frozen=True)
+class Album:
+    """A folder that takes pictures, and the path by which report.html knows it."""
+
+    folder: Path
+    href: str
+
+    def add(self, name: str, picture: pictures.Picture, caption: str, alt: str) -> PictureFile:
+        """Write a picture as JPEG.
+
+        Raises:
+            OSError: it could not be written.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        fine, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        if not fine:
+            raise OSError(f"{self.folder / name}.jpg: could not be encoded")
+        (self.folder / f"{name}.jpg").write_bytes(data.tobytes())
+        return PictureFile(f"{self.href}/{name}.jpg", caption, alt, (picture.shape[1], picture.shape[0]))
+
+
+def view_report(album: Album, key: str, view: View, score: ViewScore, provenance: Provenance) -> ViewReport:
+    """One view's row, with its pictures from the photo to the difference."""
+    frame = pictures.frame_view(view)
+    drawn = score.drawn
+    add = album.add
+    name = provenance.name
+    shown = (
+        add(f"{key}_photo", pictures.photo_picture(view, frame), "Photo", f"Photo of {name}"),
+        add(f"{key}_strokes", pictures.strokes_picture(view, frame), "Strokes", f"Strokes drawn over {name}"),
+        add(f"{key}_mattes", pictures.mattes_picture(view, frame), "Mattes", f"Foliage and branches found in {name}"),
+        add(f"{key}_trace", pictures.trace_picture(view, frame), "Traced branches", f"Visible branches of {name}"),
+        add(
+            f"{key}_skeleton",
+            pictures.skeleton_picture(provenance.skeleton, view.camera, frame),
+            "Skeleton",
+            f"Skeleton of {name}, coloured by branch order",
+        ),
+        add(
+            f"{key}_render",
+            pictures.render_picture(drawn.colour, drawn.is_tree, frame),
+            "Render from the photo's viewpoint, unlit",
+            f"Unlit render of {name} from where its photo was taken",
+        ),
+        add(
+            f"{key}_difference",
+            pictures.difference_picture(view.mattes.is_tree, drawn.is_tree, frame),
+            "Difference",
+            f"Difference of {name}: red is missing, blue is too much",
+        ),
+    )
+    return ViewReport(score.photo, float(score.azimuth), score.is_bare, score.scores, score.failed, shown)
+
+
+def draw_portraits(
+    album: Album, studio: Studio, drawables: list[Drawable], provenance: Provenance
+) -> tuple[PictureFile, ...]:
+    """Lit pictures from the front, the side, the back and above, and the skeleton from the side."""
+    sides = (("front", 0, 0), ("side", 90, 0), ("back", 180, 0), ("above", 0, 90))
+    shown = []
+    for key, azimuth, elevation in sides:
+        camera = frame_camera(
+            drawables, azimuth=np.radians(azimuth), elevation=np.radians(elevation), size=PORTRAIT, margin=0.07
+        )
+        foot = None if elevation else camera.root_px
+        picture = pictures.portrait_picture(studio.lit(camera), foot=foot)
+        words = f"From the {key}" if key != "above" else "From above"
+        shown.append(album.add(key, picture, words, f"{provenance.name}, lit, {words.lower()}"))
+        if key == "side":
+            frame = pictures.Frame(0, 0, *PORTRAIT, 1.0)
+            bones = pictures.skeleton_picture(provenance.skeleton, camera, frame)
+            alt = f"Skeleton of {provenance.name} from the side"
+            shown.append(album.add("side_skeleton", bones, "Skeleton from the side", alt))
+    return tuple(shown)
+
+
+@contextmanager
+def replacing_pictures(out: Path) -> Iterator[Path]:
+    """Give a fresh folder that takes the place of OUT/report at the end; until then the old one stays."""
+    target, work, old = out / REPORT, out / f".partial_{REPORT}", out / f".old_{REPORT}"
+    for stale in (work, old):
+        shutil.rmtree(stale, ignore_errors=True)
+    work.mkdir()
+    try:
+        yield work
+        if target.exists():
+            target.rename(old)
+        work.rename(target)
+    finally:
+        for stale in (work, old):
+            shutil.rmtree(stale, ignore_errors=True)
