@@ -130,12 +130,12 @@ def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Arra
 
 @nb.njit(cache=True)
 def prune(
-    parent: Array, group: Array, may_pass: Array, may_end: Array, share: float
+    parent: Array, group: Array, length: Array, may_pass: Array, may_end: Array, share: float, shortest: float
 ) -> Array:  # pragma: no cover - compiled
     """Which nodes (M,) stay: those reached only through passable nodes, cut back to one where a branch may end.
 
-    A branch of which less than `share` of its nodes stay goes altogether, with all that it bears.
-    `parent` is -1 where a branch starts on its support; a branch's nodes follow each other.
+    A branch of which less than `share` or less than the length `shortest` stays goes altogether, with
+    all that it bears. `length` (M,) is that of the segment to each node; `parent` is -1 where a branch starts on its support; a branch's nodes follow each other.
     """
     n = len(parent)
     stays = np.zeros(n, np.bool_)
@@ -154,7 +154,8 @@ def prune(
                 last = m
         for m in range(last + 1, stop):
             stays[m] = False
-        if last + 1 - begin < share * (stop - begin):
+        left = length[begin : last + 1].sum()
+        if left < shortest or left < share * length[begin:stop].sum() - 1e-9:
             stays[begin:stop] = False
         begin = stop
     return stays

@@ -12,6 +12,7 @@ from forestgen.tree.grow import kernels
 from forestgen.tree.grow.attractors import Field, turn_about
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.placement import Placements
+from forestgen.tree.grow.scores import PlacementRules
 from forestgen.tree.strategy import OnStep
 
 KINDS = ("image", "space")  # the cost that drives, in turn
@@ -22,11 +23,11 @@ START_ROOM = 2.5  # nearness distances along a new branch within which its beare
 class PlacementScores(Protocol):
     """What limbs need to know of placements; `scores.Scores` is fast, the tests have a plain one."""
 
+    rules: PlacementRules
     space: Field
 
     def cost(self, kind: str) -> float: ...
-    def gains(self, axis: int, line: NDArray[np.float64], kind: str) -> NDArray[np.float64]: ...
-    def placements(self, line: NDArray[np.float64]) -> tuple[Placements, NDArray[np.bool_]]: ...
+    def gains(self, axis: int, line: NDArray[np.float64], order: int, kind: str) -> NDArray[np.float64]: ...
     def grow(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> None: ...
 
 
@@ -37,7 +38,6 @@ class LimbRules:
     iterations: int
     n_candidates: int  # branches looked at in one iteration
     near: float  # a new branch ends where it comes this near to another
-    share: float  # of a branch's nodes that pruning must leave
     min_gain: float  # of cost; below it an iteration adds nothing
     patience: int  # iterations without an addition after which growth ends; 0: never
 
@@ -50,21 +50,21 @@ def grow_limbs(
     idle = 0
     for iteration in range(rules.iterations):
         kind = KINDS[iteration % 2]
-        drawn = draw_branches(np.array(tree.radius), [axis.order for axis in tree.axes], rules.n_candidates, rng=rng)
-        gain = {axis: scores.gains(axis, tree.line(axis), kind) for axis in drawn}
+        order = [axis.order for axis in tree.axes]
+        drawn = draw_branches(np.array(tree.radius), order, rules.n_candidates, rng=rng)
+        gain = {axis: scores.gains(axis, tree.line(axis), order[axis], kind) for axis in drawn}
         first = len(tree.parent)
         for axis, which in _best(gain, used, rules.min_gain):
             used.add((axis, which))
-            if _replace(tree, scores, axis, which, rules):
+            if _replace(tree, scores.rules, axis, which, rules.near):
                 break
         idle = 0 if len(tree.parent) > first else idle + 1
-        if len(tree.parent) > first:
+        if not idle:
             scores.grow(*tree.segments(first))
             add_turned_joints(tree, scores.space, first)
         if on_step is not None:
-            on_step(
-                iteration + 1, rules.iterations, {"image cost": scores.cost("image"), "3-D cost": scores.cost("space")}
-            )
+            costs = {"image cost": scores.cost("image"), "3-D cost": scores.cost("space")}
+            on_step(iteration + 1, rules.iterations, costs)
         if rules.patience and idle >= rules.patience:
             break
 
@@ -90,33 +90,24 @@ def _best(
     return [(axis, which) for _, axis, which in sorted(found)[:TRIES]]
 
 
-def _replace(tree: GrowingTree, scores: PlacementScores, axis: int, which: int, rules: LimbRules) -> bool:
+def _replace(tree: GrowingTree, placement: PlacementRules, axis: int, which: int, near: float) -> bool:
     """Put one placement on the tree, without what is too near to other branches; whether anything was left."""
-    placed, stays = scores.placements(tree.line(axis))
+    placed, stays = placement.placements(tree.line(axis), tree.axes[axis].order)
     part = slice(placed.start[which], placed.start[which + 1])
-    one = Placements(
-        placed.position[part],
-        placed.foot[part],
-        np.where(placed.parent[part] < 0, -1, placed.parent[part] - part.start),
-        placed.at[part],
-        placed.group[part] - placed.group[part.start],
-        np.array([0, part.stop - part.start]),
-    )
-    left = stays[part] & ~_crowded(tree, one, rules.near)
-    left = kernels.prune(one.parent, one.group, left, left, rules.share)
-    if not left.any():
-        return False
-    tree.add(axis, one, left)
-    return True
+    one = placed.only(which)
+    left = stays[part] & ~_crowded(tree, one, near)
+    left = placement.prune(one, left, left)
+    if left.any():
+        tree.add(axis, one, left)
+    return bool(left.any())
 
 
 def _crowded(tree: GrowingTree, placed: Placements, near: float) -> NDArray[np.bool_]:
     """Which nodes (M,) of a placement come too near to a branch that is there already, other than where they start."""
     away = kernels.distance_to_segments(placed.position, *tree.segments())
-    step = np.linalg.norm(placed.position - placed.before, axis=1)
-    run = np.zeros(len(step))  # from the supporting branch
-    for m in range(len(step)):
-        run[m] = step[m] + (run[placed.parent[m]] if placed.parent[m] >= 0 else 0.0)
+    run = placed.length  # becomes the way from the supporting branch
+    for m in np.flatnonzero(placed.parent >= 0):
+        run[m] += run[placed.parent[m]]
     return np.asarray((away < near) & (run > START_ROOM * near))
 
 

@@ -29,6 +29,24 @@ class Placements:
         """The point (M, 3) from which each node's segment comes."""
         return np.where((self.parent < 0)[:, None], self.foot, self.position[self.parent])
 
+    @property
+    def length(self) -> NDArray[np.float64]:
+        """Of each node's segment (M,), metres."""
+        return np.asarray(np.linalg.norm(self.position - self.before, axis=1))
+
+    def only(self, which: int) -> Placements:
+        """One of the placements by itself."""
+        part = slice(self.start[which], self.start[which + 1])
+        parent = self.parent[part]
+        return Placements(
+            self.position[part],
+            self.foot[part],
+            np.where(parent < 0, -1, parent - part.start),
+            self.at[part],
+            self.group[part] - self.group[part.start],
+            np.array([0, len(parent)]),
+        )
+
 
 def place(line: NDArray[np.float64], subtrees: Sequence[Subtree], n_rotations: int) -> Placements:
     """Put each subtree on the branch along a polyline (P, 3), in turn by each rotation about it.

@@ -42,21 +42,39 @@ class Block:
         return sum(array.nbytes for array in arrays)
 
 
+@dataclass(frozen=True, eq=False)
+class PlacementRules:
+    """Which placements there are on a branch; lengths in metres."""
+
+    library: tuple[Subtree, ...]
+    n_rotations: int
+    volume: CrownVolume
+    share: float  # of a new branch's length that pruning must leave
+    shortest: float  # new branch
+
+    def placements(self, line: NDArray[np.float64], order: int) -> tuple[Placements, NDArray[np.bool_]]:
+        """All placements on a branch (P, 3) of an order, and which nodes (M,) the silhouettes leave."""
+        wanted = ("any", "trunk" if order == 0 else "side")
+        placed = place(line, [subtree for subtree in self.library if subtree.on in wanted], self.n_rotations)
+        may_pass, may_end = self.volume.allows(placed.position)
+        return placed, self.prune(placed, may_pass, may_end)
+
+    def prune(
+        self, placed: Placements, may_pass: NDArray[np.bool_], may_end: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Which nodes (M,) stay, see `kernels.prune`."""
+        return np.asarray(
+            kernels.prune(placed.parent, placed.group, placed.length, may_pass, may_end, self.share, self.shortest)
+        )
+
+
 class Scores:
     """Gains of placements over image attractors (one field a view) and attractors in space."""
 
     def __init__(
-        self,
-        library: Sequence[Subtree],
-        n_rotations: int,
-        share: float,
-        volume: CrownVolume,
-        image: Sequence[Field],
-        space: Field,
-        max_bytes: int = MAX_STORE_BYTES,
+        self, rules: PlacementRules, image: Sequence[Field], space: Field, max_bytes: int = MAX_STORE_BYTES
     ) -> None:
-        self.library, self.n_rotations, self.share, self.volume = library, n_rotations, share, volume
-        self.image, self.space, self.max_bytes = image, space, max_bytes
+        self.rules, self.image, self.space, self.max_bytes = rules, image, space, max_bytes
         self._blocks: dict[int, Block] = {}  # by axis, the one drawn last at the end
 
     @property
@@ -68,13 +86,9 @@ class Scores:
         """E2D or E3D of the tree as it stands, metres."""
         return self.space.cost if kind == "space" else sum(one.cost for one in self.image)
 
-    def placements(self, line: NDArray[np.float64]) -> tuple[Placements, NDArray[np.bool_]]:
-        """All placements on a branch, and which nodes (M,) the silhouettes leave."""
-        return pruned_placements(line, self.library, self.n_rotations, self.share, self.volume)
-
-    def gains(self, axis: int, line: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
-        """By how much each placement (C,) on an axis would lower the cost."""
-        block = self._blocks.pop(axis, None) or self._measure(line)
+    def gains(self, axis: int, line: NDArray[np.float64], order: int, kind: str) -> NDArray[np.float64]:
+        """By how much each placement (C,) on an axis of an order would lower the cost."""
+        block = self._blocks.pop(axis, None) or self._measure(line, order)
         self._blocks[axis] = block
         if kind == "image":
             parts = [kernels.gains(*s, one.distance) for s, one in zip(block.image, self.image, strict=True)]
@@ -85,17 +99,17 @@ class Scores:
             )
             block.space.append(new)
             block.n_space = len(self.space)
-        self._forget()
+            self._forget()
         return np.asarray(np.sum([kernels.gains(*s, self.space.distance) for s in block.space], axis=0))
 
     def grow(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
         """The tree has got new segments (M, 3), (M, 3)."""
         self.space.grow(a, b)
-        for camera, one in zip(self.volume.cameras, self.image, strict=True):
+        for camera, one in zip(self.rules.volume.cameras, self.image, strict=True):
             one.grow(picture_plane(camera, a), picture_plane(camera, b))
 
-    def _measure(self, line: NDArray[np.float64]) -> Block:
-        placed, stays = self.placements(line)
+    def _measure(self, line: NDArray[np.float64], order: int) -> Block:
+        placed, stays = self.rules.placements(line, order)
         count = np.concatenate([[0], np.cumsum(stays)])
         a, b = placed.before[stays], placed.position[stays]
         group, start = placed.group[stays], count[placed.start]
@@ -103,7 +117,7 @@ class Scores:
             kernels.improvements(
                 picture_plane(camera, a), picture_plane(camera, b), group, start, one.point, one.distance, 0
             )
-            for camera, one in zip(self.volume.cameras, self.image, strict=True)
+            for camera, one in zip(self.rules.volume.cameras, self.image, strict=True)
         ]
         return Block(a, b, group, start, image)
 
@@ -111,12 +125,3 @@ class Scores:
         total = self.n_bytes
         while total > self.max_bytes and len(self._blocks) > 1:
             total -= self._blocks.pop(next(iter(self._blocks))).n_bytes
-
-
-def pruned_placements(
-    line: NDArray[np.float64], library: Sequence[Subtree], n_rotations: int, share: float, volume: CrownVolume
-) -> tuple[Placements, NDArray[np.bool_]]:
-    """All placements on a branch, and which nodes (M,) the silhouettes leave."""
-    placed = place(line, library, n_rotations)
-    may_pass, may_end = volume.allows(placed.position)
-    return placed, kernels.prune(placed.parent, placed.group, may_pass, may_end, share)

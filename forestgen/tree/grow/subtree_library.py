@@ -20,6 +20,7 @@ PREDEFINED = Path(__file__).parent / "subtrees"
 MAX_NODES = 160  # of one subtree: what is finer is left to the twigs
 TYPES = ("end", "along")  # type I and type II of the paper
 FORMS = ("decurrent", "excurrent")
+BEARERS = ("any", "trunk", "side")  # what a subtree may be put on
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Subtree:
     name: str
     type: str  # "end" (I: the branches start at its end) or "along" (II)
     form: str  # of crown that it is drawn for: "decurrent" or "excurrent"
+    on: str  # what it may be put on: "trunk", "side" branches, or "any"
     position: NDArray[np.float64]  # (K, 3)
     parent: NDArray[np.int64]  # (K,) earlier node, -1 where a branch starts on the supporting branch
     at: NDArray[np.float64]  # (K,) where on the supporting branch the node's outermost ancestor starts, 0 to 1
@@ -65,7 +67,7 @@ def load_subtrees(folder: Path) -> tuple[Subtree, ...]:
 
 
 def _read_subtree(path: Path) -> Subtree:
-    """One file: {"version": 1, "type", "form", "branches": [{"from", "at", "path"}, ...]}.
+    """One file: {"version": 1, "type", "form", "on", "branches": [{"from", "at", "path"}, ...]}.
 
     `from` is an earlier branch or null for the supporting branch, `at` the share of that branch's
     length at which this one starts (on a path: its nearest point), `path` the points beyond the start.
@@ -76,13 +78,15 @@ def _read_subtree(path: Path) -> Subtree:
             raise ValueError(f"version {data['version']} is not known; expected 1")
         if data["type"] not in TYPES or data["form"] not in FORMS:
             raise ValueError(f"'type' must be one of {TYPES} and 'form' one of {FORMS}")
-        return _join(path.stem, data["type"], data["form"], data["branches"])
+        if data["on"] not in BEARERS:
+            raise ValueError(f"'on' must be one of {BEARERS}")
+        return _join(path.stem, data["type"], data["form"], data["on"], data["branches"])
     except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
         reason = f"'{error.args[0]}' is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a subtree: {reason}; see the predefined ones for the form") from error
 
 
-def _join(name: str, kind: str, form: str, branches: Sequence[dict[str, Any]]) -> Subtree:
+def _join(name: str, kind: str, form: str, on: str, branches: Sequence[dict[str, Any]]) -> Subtree:
     """String the branches of a file together to one array of nodes."""
     if not branches:
         raise ValueError("'branches' is empty; expected at least one")
@@ -108,17 +112,18 @@ def _join(name: str, kind: str, form: str, branches: Sequence[dict[str, Any]]) -
         parent += [root, *range(start, start + len(path) - 1)]
         at += [foot] * len(path)
         label += [index] * len(path)
-    return Subtree(name, kind, form, np.concatenate(position), np.array(parent), np.array(at), np.array(label))
+    return Subtree(name, kind, form, on, np.concatenate(position), np.array(parent), np.array(at), np.array(label))
 
 
 def subtrees_of(skeleton: Skeleton, form: str) -> list[Subtree]:
-    """All subtrees of the visible branches: of each axis that bears others, and of each last stretch with its fork."""
+    """All subtrees of the visible branches, one for each that bears others; what repeats is left out."""
     axes = axes_of(skeleton)
     found = []
     for index, axis in enumerate(axes):
         borne = _borne_by(axes, index)
         if borne:
-            found.append(_as_subtree(f"visible_{index}_along", "along", form, skeleton, axes, axis, borne))
+            on = "any" if form == "decurrent" else "trunk" if axis.order == 0 else "side"
+            found.append(_as_subtree(f"visible_{index}", form, on, skeleton, axes, axis, borne))
     unique: list[Subtree] = []
     for subtree in found:
         if len(subtree) <= MAX_NODES and all(difference(subtree, other) > 0.02 for other in unique):
@@ -137,7 +142,7 @@ def _borne_by(axes: Sequence[Axis], index: int) -> list[int]:
 
 
 def _as_subtree(
-    name: str, kind: str, form: str, skeleton: Skeleton, axes: Sequence[Axis], support: Axis, borne: list[int]
+    name: str, form: str, on: str, skeleton: Skeleton, axes: Sequence[Axis], support: Axis, borne: list[int]
 ) -> Subtree:
     """The borne axes in the frame of their supporting branch, whose chord becomes +Y and whose length 1."""
     line = skeleton.position[support.nodes]
@@ -162,7 +167,7 @@ def _as_subtree(
     at = np.array([share[node] for node in feet])
     away = (skeleton.position[nodes] - skeleton.position[feet]) @ turn_to_y(chord).T / length
     position = away + np.column_stack([np.zeros_like(at), at, np.zeros_like(at)])
-    return Subtree(name, kind, form, position, np.array(parent), at, np.array(label))
+    return Subtree(name, "along", form, on, position, np.array(parent), at, np.array(label))
 
 
 def turn_to_y(direction: NDArray[np.float64]) -> NDArray[np.float64]:

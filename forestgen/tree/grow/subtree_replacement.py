@@ -13,7 +13,7 @@ from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume, turn_out
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.growth_form import growth_form
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
-from forestgen.tree.grow.scores import Scores
+from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
 from forestgen.tree.grow.twigs import colonise, shoots_on, smooth, without_bare_ends
 from forestgen.tree.skeleton import Skeleton
@@ -25,7 +25,8 @@ from forestgen.tree.view import View
 class SubtreeReplacement(Strategy):
     """Growth by replacing branches with subtrees of a small library.
 
-    The paper's own setting is iterations=100, patience=0, whole_branches=True, round_crown=False, twigs=False.
+    The paper's own setting is iterations=100, patience=0, shortest=0.0, min_gain=0.0,
+    whole_branches=True, round_crown=False, twigs=False.
     """
 
     iterations: int = 300  # paper: "about 100" (sec. 3.1); goes on here until nothing is gained, see `patience`
@@ -38,6 +39,8 @@ class SubtreeReplacement(Strategy):
     library: str = ""  # folder of the user's own subtrees (*.json), beside the others (sec. 3.1: "can be enriched")
     interval: float = 0.02  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
     near: float = 0.02  # of the height; "too close to some existing branches" (sec. 3.1), not given
+    shortest: float = 0.04  # of the height; paper: 0; what is shorter than this is left to the twigs
+    min_gain: float = 0.15  # of the height; paper: 0; least fall of the cost that is worth an iteration
     whole_branches: bool = False  # paper: a branch that leaves the foliage is removed; here it is cut back
     round_crown: bool = True  # paper: no; the crown is as deep as wide, and points in it attract as the joints do
     volume_interval: float = 0.05  # of the height, between the points in the crown
@@ -57,11 +60,11 @@ class SubtreeReplacement(Strategy):
         tree = GrowingTree(skeleton)
         library = self._library(skeleton, views, volume)
         image, space = self._attractors(tree, views, volume, rng=rng)
-        share = 1.0 if self.whole_branches else 0.4
-        scores = Scores(library, self.n_rotations, share, volume, image, space)
         h = volume.height
-        rules = LimbRules(self.iterations, self.n_candidates, self.near * h, share, 0.01 * h, self.patience)
-        grow_limbs(tree, scores, rules, rng=rng, on_step=on_step)
+        share = 1.0 if self.whole_branches else 0.4
+        placement = PlacementRules(library, self.n_rotations, volume, share, self.shortest * h)
+        rules = LimbRules(self.iterations, self.n_candidates, self.near * h, self.min_gain * h, self.patience)
+        grow_limbs(tree, Scores(placement, image, space), rules, rng=rng, on_step=on_step)
         return self._with_twigs(tree, volume, rng=rng) if self.twigs else tree.skeleton
 
     def _library(self, skeleton: Skeleton, views: Sequence[View], volume: CrownVolume) -> tuple[Subtree, ...]:

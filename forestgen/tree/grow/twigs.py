@@ -20,7 +20,8 @@ from forestgen.tree.skeleton import n_children
 STEP = 0.5  # of the attractors' spacing
 REACHED = 0.55  # of the spacing: an attractor this near has its wood
 INFLUENCE = 4.0  # of the spacing: how far an attractor pulls
-BEND = np.deg2rad(32)  # at most, from one step to the next
+BEND = np.deg2rad(18)  # at most, from one step to the next
+CONE = np.deg2rad(50)  # ahead of a tip; what pulls from outside it raises a side shoot: no hooks
 SIDE = (np.deg2rad(38), np.deg2rad(68))  # between a side shoot and its bearer
 SIDES = 2  # side shoots of a node, at most
 INERTIA = 0.6  # of a shoot, against the pull of 1
@@ -59,38 +60,39 @@ def colonise(
         if not len(pulls):
             reach = 1.2 * float(np.sqrt(away2[open_].min()))
             continue
-        node, of = np.unique(nearest[pulls], return_inverse=True)
-        heading = _headings(shoots, node, of, target[pulls], rng=rng)
+        pull = _unit(target[pulls] - shoots.position[nearest[pulls]])
+        ahead = (pull * shoots.heading[nearest[pulls]]).sum(axis=1)
+        is_side = (shoots.children[nearest[pulls]] > 0) | (ahead < np.cos(CONE))
+        pair, of = np.unique(2 * nearest[pulls] + is_side, return_inverse=True)
+        node, side = pair // 2, pair % 2 > 0
+        heading = _headings(shoots, node, side, of, pull, rng=rng)
         tip = shoots.position[node] + STEP * spacing * heading
         fits = volume.allows(tip)[0]
-        before = away2.copy()
+        before = away2[pulls]
         first = len(shoots.parent)
         _append(shoots, node[fits], tip[fits], heading[fits])
         kernels.nearest_nodes(shoots.position, first, target, open_, away2, nearest)
         helped = np.zeros(len(node), bool)
-        np.logical_or.at(helped, of, away2[pulls] < before[pulls])
+        np.logical_or.at(helped, of, away2[pulls] < before)
         shoots.bears[node[~(fits & helped)]] = False
 
 
 def _headings(
     shoots: Shoots,
     node: NDArray[np.int64],
+    side: NDArray[np.bool_],
     of: NDArray[np.int64],
-    target: NDArray[np.float64],
+    pull: NDArray[np.float64],
     *,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Directions (G, 3) in which the nodes (G,) grow, pulled by targets (E, 3), each by node[of]."""
-    pull = target - shoots.position[node[of]]
-    pull /= np.maximum(np.linalg.norm(pull, axis=1, keepdims=True), 1e-12)
+    """Directions (G, 3) in which the nodes (G,) grow on or to the side, by unit pulls (E, 3), each on number `of`."""
     total = np.zeros((len(node), 3))
     np.add.at(total, of, pull)
-    total = _unit(total)
     ahead = shoots.heading[node]
-    is_side = shoots.children[node] > 0
-    wish = total + WANDER * rng.normal(size=total.shape) + [0.0, LIFT, 0.0]
-    wish += np.where(is_side, 0.0, INERTIA)[:, None] * ahead
-    low, high = np.where(is_side, SIDE[0], 0.0), np.where(is_side, SIDE[1], BEND)
+    wish = _unit(total) + WANDER * rng.normal(size=total.shape) + [0.0, LIFT, 0.0]
+    wish += np.where(side, 0.0, INERTIA)[:, None] * ahead
+    low, high = np.where(side, SIDE[0], 0.0), np.where(side, SIDE[1], BEND)
     return turn_within(_unit(wish), ahead, low, high)
 
 
