@@ -157,13 +157,13 @@ def curve_through(
     def derivative(direction: NDArray[np.float64]) -> NDArray[np.float64]:
         across = direction - np.sum(direction * along, axis=1, keepdims=True) * along
         strays = np.linalg.norm(across, axis=1) * long
-        return direction * (long * np.minimum(1, 4 * bow / np.maximum(strays, 1e-300)))[:, None]
+        return np.asarray(direction * (long * np.minimum(1, 4 * bow / np.maximum(strays, 1e-300)))[:, None])
 
     leaving = derivative(tangent)
     arriving = np.zeros_like(position)
     arriving[1:] = derivative(tangent[ends])[:-1]
     t = np.linspace(0, 1, STEPS + 1)[None, :, None]
-    dense = cubic(*(side[:, None] for side in (position, leaving, arriving[ends], position[ends])), t)
+    dense = cubic(position[:, None], leaving[:, None], arriving[ends, None], position[ends, None], t)
     step = np.diff(dense, axis=1)
     step[~has_next] = 0
     length = np.linalg.norm(step, axis=2)

@@ -93,7 +93,7 @@ def plant(skeleton: Skeleton, depth: float) -> Skeleton:
     A root without any branch becomes a bud as tall as it is thick.
     """
     if len(skeleton) == 1:
-        bud = skeleton.position + [0.0, max(float(skeleton.radius[0]), depth), 0.0]
+        bud = skeleton.position + np.array([0.0, max(float(skeleton.radius[0]), depth), 0.0])
         skeleton = Skeleton(np.concatenate([skeleton.position, bud]), np.array([-1, 0]), skeleton.radius[[0, 0]])
     below = skeleton.position[:1] - [0.0, depth, 0.0]
     return Skeleton(

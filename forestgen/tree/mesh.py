@@ -82,7 +82,7 @@ class GeneralisedCylinders(Strategy):
         thickest = np.maximum.reduceat(curves.radius, curves.limbs.first[:-1])
         inside = np.clip(self.roundness * size / thickest, 1e-9, 1.0)
         n = np.ceil(np.pi / np.arccos(1 - inside))
-        return np.clip(n, self.min_sides, self.max_sides).astype(np.int64)
+        return np.asarray(np.clip(n, self.min_sides, self.max_sides), np.int64)
 
     def rings(self, curves: LimbCurves, joints: Sockets, sides: NDArray[np.int64], size: float, sink: float) -> Rings:
         """Cross-sections where bends, taper, junctions and the root's flare need them."""
@@ -112,7 +112,7 @@ class GeneralisedCylinders(Strategy):
         at, junction = near_sockets(tubes, joints)
         move[at] += fillet(joints, junction, tubes.points[at], tubes.outward[at])
         move[tubes.radius == 0] = 0
-        return tubes.points + move[:, None] * tubes.outward
+        return np.asarray(tubes.points + move[:, None] * tubes.outward)
 
 
 def joined_limbs(limbs: Limbs, sides: NDArray[np.int64]) -> NDArray[np.int64]:
