@@ -1,0 +1,5 @@
+"""`python -m forestgen` is the command."""
+
+from forestgen.cli import main
+
+main()
