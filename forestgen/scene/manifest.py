@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -64,7 +63,7 @@ class Scene:
     name: str
     seed: int
     path: Path  # the manifest; of a scene without one, the photo
-    root: Path  # resolved; what the scene reads lies below it
+    root: Path  # resolved; what a manifest names lies below it
     trees: tuple[TreeSpec, ...]
     copies: tuple[CopySpec, ...] = ()
 
@@ -144,8 +143,7 @@ def single_tree_scene(
         seed=seed,
         views=(ViewSpec(photo, strokes),),
     )
-    root = Path(os.path.commonpath([photo.resolve().parent, strokes.resolve().parent]))
-    return Scene(name=tree.name, seed=seed, path=photo, root=root, trees=(spec,))
+    return Scene(name=tree.name, seed=seed, path=photo, root=photo.resolve().parent, trees=(spec,))
 
 
 def _check_names(manifest: Manifest, path: Path) -> None:

@@ -16,8 +16,9 @@ from pydantic import Field
 
 from forestgen.arrays import freeze
 from forestgen.errors import InputError
-from forestgen.reading import Table, checked, read_json
+from forestgen.reading import Table, checked
 from forestgen.tree.outline import distance_to_region
+from forestgen.tree.stroke_import import read_stroke_set
 
 VERSION = 1
 MAX_PIXELS = 100_000_000  # as for photos
@@ -103,16 +104,18 @@ class StrokeTable(Table):
     density: list[DensityTable] = Field(default=[], description="a list of tables with the keys add, radius and path")
 
 
-def load_strokes(path: Path, photo_size: tuple[int, int] | None = None) -> Strokes:
+def load_strokes(path: Path, photo_size: tuple[int, int] | None = None, *, tree: int | None = None) -> Strokes:
     """Read a stroke set, and compare its size with the photo's (width, height) where that is given.
 
-    Points that are clicked twice are dropped, points up to 2 % outside the photo moved to its edge.
+    Also reads labelme JSON, COCO polygons and SVG, see `stroke_import`; of several trees in such a
+    file `tree` chooses one, counted from 1. Points that are clicked twice are dropped, points up to
+    2 % outside the photo moved to its edge.
 
     Raises:
         InputError: the file is missing or broken, or its strokes cannot be used.
     """
     path = Path(path)
-    table = checked(StrokeTable, read_json(path, "a stroke set (JSON)"), str(path))
+    table = checked(StrokeTable, read_stroke_set(path, photo_size, tree), str(path))
     return strokes_from(table, str(path), photo_size)
 
 
