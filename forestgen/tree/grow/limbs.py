@@ -17,7 +17,8 @@ from forestgen.tree.strategy import OnStep
 
 KINDS = ("image", "space")  # the cost that drives, in turn
 TRIES = 8  # of the best placements, before an iteration is given up as too crowded
-START_ROOM = 2.5  # nearness distances along a new branch within which its bearer may be near
+BEARER_ROOM = 2.5  # nearness distances along a new branch within which its bearer may be near
+START_ROOM = 1.3  # and any other branch: two that start at one place must part at once
 
 
 class PlacementScores(Protocol):
@@ -95,20 +96,25 @@ def _replace(tree: GrowingTree, placement: PlacementRules, axis: int, which: int
     placed, stays = placement.placements(tree.line(axis), tree.axes[axis].order)
     part = slice(placed.start[which], placed.start[which + 1])
     one = placed.only(which)
-    left = stays[part] & ~_crowded(tree, one, near)
+    left = stays[part] & ~_crowded(tree, axis, one, near)
     left = placement.prune(one, left, left)
     if left.any():
         tree.add(axis, one, left)
     return bool(left.any())
 
 
-def _crowded(tree: GrowingTree, placed: Placements, near: float) -> NDArray[np.bool_]:
+def _crowded(tree: GrowingTree, bearer: int, placed: Placements, near: float) -> NDArray[np.bool_]:
     """Which nodes (M,) of a placement come too near to a branch that is there already, other than where they start."""
-    away = kernels.distance_to_segments(placed.position, *tree.segments())
+    own = np.zeros(len(tree.parent), bool)
+    own[tree.axes[bearer].nodes] = True
+    a, b = tree.segments()
+    to_bearer = kernels.distance_to_segments(placed.position, a[own[1:]], b[own[1:]])
+    to_others = kernels.distance_to_segments(placed.position, a[~own[1:]], b[~own[1:]])
     run = placed.length  # becomes the way from the supporting branch
     for m in np.flatnonzero(placed.parent >= 0):
         run[m] += run[placed.parent[m]]
-    return np.asarray((away < near) & (run > START_ROOM * near))
+    too_near = (to_bearer < near) & (run > BEARER_ROOM * near)
+    return np.asarray(too_near | ((to_others < near) & (run > START_ROOM * near)))
 
 
 def add_turned_joints(tree: GrowingTree, space: Field, first: int) -> None:

@@ -15,10 +15,13 @@ from forestgen.tree.grow.growth_form import growth_form
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
-from forestgen.tree.grow.twigs import colonise, shoots_on, smooth, without_bare_ends
+from forestgen.tree.grow.twigs import grow_twigs, smooth
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy
 from forestgen.tree.view import View
+
+ROUNDING = 3  # times that each new node is drawn between its neighbours, so that joints do not kink
+BARE_TRUNK = 0.75  # of the trunk bears no twigs, only limbs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +68,12 @@ class SubtreeReplacement(Strategy):
         placement = PlacementRules(library, self.n_rotations, volume, share, self.shortest * h)
         rules = LimbRules(self.iterations, self.n_candidates, self.near * h, self.min_gain * h, self.patience)
         grow_limbs(tree, Scores(placement, image, space), rules, rng=rng, on_step=on_step)
-        return self._with_twigs(tree, volume, rng=rng) if self.twigs else tree.skeleton
+        position = smooth(tree.position, tree.parent, tree.n_visible, ROUNDING)
+        grown = Skeleton(position, tree.parent, tree.skeleton.radius)
+        if not self.twigs:
+            return grown
+        bare = tree.axes[0].nodes[: int(np.ceil(BARE_TRUNK * len(tree.axes[0].nodes)))]
+        return grow_twigs(grown, tree.n_visible, bare, volume, self.twig_interval * h, rng=rng)
 
     def _library(self, skeleton: Skeleton, views: Sequence[View], volume: CrownVolume) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""
@@ -94,31 +102,3 @@ class SubtreeReplacement(Strategy):
         if self.round_crown:
             space.add(volume.sample(self.volume_interval * volume.height, rng), *tree.segments())
         return image, space
-
-    def _with_twigs(self, tree: GrowingTree, volume: CrownVolume, *, rng: np.random.Generator) -> Skeleton:
-        """The tree with its last generations, down to a twig near every place in the crown."""
-        position, parent, first = tree.position, tree.parent, len(tree.parent)
-        fine = self.twig_interval * volume.height
-        trunk = np.zeros(len(parent), bool)
-        trunk[tree.axes[0].nodes[: max(1, int(0.75 * len(tree.axes[0].nodes)))]] = True
-        for spacing in (4 * fine, 2 * fine, fine):
-            bears = ~trunk if spacing == fine else np.ones(len(parent), bool)
-            if len(bears) < len(parent):
-                bears = np.concatenate([bears, np.ones(len(parent) - len(bears), bool)])
-            shoots = shoots_on(position, parent, bears, 0.5 * spacing)
-            target = volume.sample(spacing, rng)
-            before = len(parent)
-            colonise(shoots, volume, target, spacing, rng=rng)
-            place = smooth(shoots.position, shoots.parent, before, 2)
-            stays = without_bare_ends(shoots.parent, first, volume.allows(place)[1])
-            position, parent = _compact(place, shoots.parent, stays)
-            trunk = np.concatenate([trunk, np.zeros(len(parent) - len(trunk), bool)])
-        radius = np.full(len(parent), np.nan)
-        radius[: tree.n_visible] = tree.skeleton.radius[: tree.n_visible]
-        return Skeleton(position, parent, radius)
-
-
-def _compact(position, parent, stays):  # type: ignore[no-untyped-def]
-    index = np.cumsum(stays) - 1
-    kept = parent[stays]
-    return position[stays], np.where(kept < 0, -1, index[kept])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from forestgen.tree.grow import kernels
 from forestgen.tree.grow.crown_volume import CrownVolume
-from forestgen.tree.skeleton import n_children
+from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child, n_children
 
 STEP = 0.5  # of the attractors' spacing
 REACHED = 0.55  # of the spacing: an attractor this near has its wood
@@ -28,6 +28,8 @@ INERTIA = 0.6  # of a shoot, against the pull of 1
 LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
+SCALES = (4, 2, 1)  # spacings of the attractors, in turn
+ROUNDING = 2  # times that each new node is drawn between its neighbours
 
 
 @dataclass(eq=False)
@@ -39,6 +41,33 @@ class Shoots:
     heading: NDArray[np.float64]  # (N, 3) unit, of the segment that leads to the node (of the axis, on a limb)
     children: NDArray[np.int64]  # (N,)
     bears: NDArray[np.bool_]  # (N,) whether it may grow at all
+
+
+def grow_twigs(
+    skeleton: Skeleton,
+    n_fixed: int,
+    bare: NDArray[np.int64],
+    volume: CrownVolume,
+    spacing: float,
+    *,
+    rng: np.random.Generator,
+) -> Skeleton:
+    """The tree with its last generations: a twig near each place in the crown, `spacing` metres apart.
+
+    The first `n_fixed` nodes stay as they are; the nodes in `bare` bear no twigs.
+    """
+    position, parent = skeleton.position, skeleton.parent
+    for scale in SCALES:
+        bears = np.ones(len(parent), bool)
+        bears[bare] = scale > 1
+        shoots = shoots_on(position, parent, bears, STEP * scale * spacing)
+        colonise(shoots, volume, volume.sample(scale * spacing, rng), scale * spacing, rng=rng)
+        place = smooth(shoots.position, shoots.parent, len(parent), ROUNDING)
+        stays = without_bare_ends(shoots.parent, n_fixed, volume.allows(place)[1])
+        index, parent = np.cumsum(stays) - 1, shoots.parent[stays]
+        position, parent = place[stays], np.where(parent < 0, -1, index[parent])
+    radius = np.concatenate([skeleton.radius[:n_fixed], np.full(len(parent) - n_fixed, np.nan)])
+    return Skeleton(position, parent, radius)
 
 
 def colonise(
@@ -158,8 +187,7 @@ def smooth(
     if len(parent) <= first:
         return position
     place = position.copy()
-    child = np.full(len(parent), -1)
-    child[parent[:0:-1]] = np.arange(len(parent) - 1, 0, -1)  # the earliest child wins
+    child = main_child(height_above_tips(position, parent), parent)
     node = np.arange(first, len(parent))
     node = node[child[node] >= 0]
     for _ in range(rounds):
