@@ -31,17 +31,23 @@ AnyTable = TypeVar("AnyTable", bound=Table)
 
 def require_file(path: Path, what: str) -> None:
     """Raise InputError unless `path` is a file that holds something. `what` names it: "a photo"."""
+    if fault := file_fault(path, what):
+        raise InputError(f"{shortened(printable(str(path)), 200)}: {fault}")
+
+
+def file_fault(path: Path, what: str) -> str | None:
+    """What keeps a path from being a file that holds something, and what to do; None where it is one."""
     try:
         if path.is_file():
-            if path.stat().st_size == 0:
-                raise InputError(f"{path}: expected {what}, but the file is empty (0 bytes); copy it here again")
-            return
-        came = "a folder" if path.is_dir() else "not a regular file" if path.exists() else None
-    except (OSError, ValueError) as error:  # a name no file can have; no permission; links in a ring
-        raise InputError(f"{shortened(str(path), 200)}: expected {what}, but it cannot be opened: {error}") from error
-    if came:
-        raise InputError(f"{path}: expected {what}, but this is {came}; give the path of the file itself")
-    raise InputError(f"{shortened(str(path), 200)}: expected {what}, but there is no such file; check the path")
+            size = path.stat().st_size
+            return None if size else f"expected {what}, but the file is empty (0 bytes); copy it here again"
+        if path.is_dir():
+            return f"expected {what}, but this is a folder; give the path of the file itself"
+        if path.exists():
+            return f"expected {what}, but this is no regular file; give the path of a file"
+    except (OSError, ValueError, RuntimeError) as error:  # a name no file can have; no permission; links in a ring
+        return f"expected {what}, but it cannot be opened: {shortened(one_line(str(error)), 100)}"
+    return f"expected {what}, but there is no such file; check the path"
 
 
 def read_text(path: Path, what: str) -> str:
@@ -171,7 +177,13 @@ def quoted(word: str) -> str:
 
 
 def one_line(text: str) -> str:
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    """Text without line ends, control characters and runs of blanks."""
+    return " ".join(printable(text).split())
+
+
+def printable(text: str) -> str:
+    """Text with a blank for each control character."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def shortened(text: str, length: int = 60) -> str:

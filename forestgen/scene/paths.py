@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from forestgen.errors import InputError
-from forestgen.reading import quoted, require_file, shortened
+from forestgen.reading import file_fault, quoted
 
 ROOT_MARKS = ("stroke_sets", "scenes")  # a folder that holds one of these is a scene's root
 
@@ -62,12 +62,9 @@ class Location:
             raise InputError(f"{where}: {quoted(text)} cannot be followed: {error}") from error
         if not target.is_relative_to(self.root):
             raise self._leaves(text, where)
-        try:
-            require_file(self.folder / text, what)
-        except InputError as error:
+        if fault := file_fault(self.folder / text, what):
             hint = "; write paths with forward slashes" if "\\" in text else ""
-            reason = str(error).removeprefix(f"{shortened(str(self.folder / text), 200)}: ")
-            raise InputError(f"{where}: {quoted(text)}: {reason}{hint}") from error
+            raise InputError(f"{where}: {quoted(text)}: {fault}{hint}")
         return Path(os.path.normpath(self.folder / text)) if self._is_plain(text) else target
 
     def shown(self, path: Path) -> str:
