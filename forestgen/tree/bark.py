@@ -12,7 +12,7 @@ from forestgen.tree.model import Bark
 from forestgen.tree.quilting import blur_torus, enlarge, quilt, valid_places
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import draw_polyline
-from forestgen.tree.trunk_strip import TrunkStrip, evenly_lit, trunk_strip
+from forestgen.tree.trunk_strip import TrunkStrip, bark_colour, evenly_lit, trunk_strip
 from forestgen.tree.view import View
 
 PLAIN_SIZE = 1.0  # metres that one repeat of a plain colour covers: any would do
@@ -31,13 +31,13 @@ class BarkFromPhoto(Strategy):
     half_angle_deg: float = 56.0  # how far from the front the trunk's pixels are taken; beyond they are squeezed
     patch: float = 0.55  # size of a patch, as a share of the strip's width
     smallest_px: int = 10  # a trunk that shows fewer pixels across than that gives a plain colour
-    evenness: float = 0.35  # light and shade larger than this share of the strip's width are taken out
+    evenness: float = 0.22  # light and shade larger than this share of the strip's width are taken out
     detail: float = 0.5  # strength of each octave of detail finer than the photo's
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Bark:
         """The bark of the tree, from the view that shows most of it."""
         strips = [trunk_strip(view, np.deg2rad(self.half_angle_deg), self.width_px) for view in views]
-        best = max(range(len(views)), key=lambda k: int(strips[k].is_bark.sum()))
+        best = max(range(len(views)), key=lambda k: float(strips[k].is_bark.sum()))
         strip = strips[best]
         patch = largest_patch(strip, round(self.patch * strip.rgb.shape[1]), self.smallest_px // 2)
         if min(strip.rgb.shape[:2]) < self.smallest_px or not patch:
@@ -47,7 +47,7 @@ class BarkFromPhoto(Strategy):
         columns = max(2, round(np.pi * strip.radius / (patch - overlap)))
         rows = max(2, round(self.tallness * columns))
         tile = quilt(even.rgb, even.is_bark, (rows, columns), patch, overlap, rng=rng)
-        colour = np.median(strip.rgb[strip.is_bark], axis=0)
+        colour = bark_colour(strip)
         height = 64 * max(1, round(self.width_px * rows / columns / 64))
         large = enlarge(balanced(tile, colour), (height, self.width_px), self.detail)
         return Bark(
@@ -69,7 +69,7 @@ def largest_patch(strip: TrunkStrip, wanted: int, smallest: int) -> int:
 
 def balanced(tile: NDArray[np.float32], colour: NDArray[np.float32]) -> NDArray[np.float32]:
     """The tile (H, W, 3) without its largest blotches, which would show as a grid, with mean `colour` (3,)."""
-    blotch = blur_torus(tile, tile.shape[1] / 5)
+    blotch = blur_torus(tile, tile.shape[1] / 8)
     even = tile * (blotch.mean(axis=(0, 1)) / np.maximum(blotch, 1e-3)) ** 0.7
     return np.asarray(even * (colour / np.maximum(even.mean(axis=(0, 1)), 1e-3)), np.float32)
 
@@ -82,6 +82,6 @@ def plain_bark(view: View) -> Bark:
     """
     stroke = draw_polyline(view.strokes.branches[0], view.photo.size, 5)
     wood = view.mattes.is_branch & ~view.mattes.is_foliage
-    source = next((mask for mask in (wood & stroke, wood, stroke) if mask.sum() >= 4), np.ones_like(wood))
-    colour = np.median(view.photo.rgb[source], axis=0)
-    return Bark(np.round(colour).astype(np.uint8)[None, None], PLAIN_SIZE, PLAIN_SIZE)
+    source = next((mask for mask in (wood & stroke, wood, stroke) if mask.sum() >= 4), stroke | True)
+    colour = np.asarray(np.median(view.photo.rgb[source], axis=0))
+    return Bark(np.round(colour).astype(np.uint8).reshape(1, 1, 3), PLAIN_SIZE, PLAIN_SIZE)

@@ -14,7 +14,7 @@ from forestgen.tree.limbs import unit
 PIECES = 12  # straight pieces that stand for the parent around the junction
 WINDOW = 4.0  # how far they reach to either side, in parent radii
 PROBES = 24  # points of a child's axis at which it is asked whether it has left the parent
-N_RINGS = 7  # rings over the stretch where the child comes out
+N_RINGS = 12  # rings over the stretch where the child comes out
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,18 +94,24 @@ def collar_stations(curves: LimbCurves, here: Sockets) -> tuple[NDArray[np.float
 def fillet(
     here: Sockets, junction: NDArray[np.int64], points: NDArray[np.float64], outward: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """How far (Q,) m the child's surface points (Q, 3) move `outward` (Q, 3) to meet the parent softly.
+    """Where the child's surface points (Q, 3), with `outward` (Q, 3) off its axis, go to meet the parent softly.
 
-    A ball of the fillet's size rolled along both surfaces: nothing at its height over the parent,
-    its whole radius at the parent's surface, less again inside. Where the child's surface faces the
-    same way as the parent's they run into one another without.
+    A ball of the fillet's size rolled along both surfaces widens the child: not at all at the
+    ball's height over the parent, by its whole radius at the parent's surface, less again inside.
+    Where the child's surface faces the same way as the parent's they run into one another without.
+    The points spread along the parent's surface and keep their height over it, so that no ledge rises.
     """
     height, normal = height_over(here, junction, points)
     size = here.size[junction]
     x = np.clip(height / size, -1, 1)
     rolled = np.where(x >= 0, 1 - np.sqrt(1 - (1 - np.maximum(x, 0)) ** 2), 1 + x)
-    meets = np.clip(1 - np.sum(normal * outward, axis=1), 0, 1)
-    return np.asarray(size * rolled * meets)
+    facing = np.sum(normal * outward, axis=1)
+    along = outward - np.maximum(facing, 0)[:, None] * normal
+    spread = points + (size * rolled * np.clip(1 - facing, 0, 1))[:, None] * along
+    moved = np.flatnonzero(rolled > 0)
+    risen, under = height_over(here, junction[moved], spread[moved])
+    spread[moved] -= np.maximum(risen - height[moved], 0)[:, None] * under
+    return np.asarray(spread)
 
 
 def blend_normals(

@@ -39,7 +39,7 @@ class GeneralisedCylinders(Strategy):
     straightness: float = 3.5e-4  # how far the axis may stray from its curve between rings, share of the size
     shift: float = 0.25  # how far smoothing may move a node, in radii (and at most `bow`)
     bow: float = 1e-3  # how far a curve may stray from the straight line between nodes, share of the size
-    collar: float = 0.55  # radius of the fillet at a junction, in radii of the child
+    collar: float = 0.8  # radius of the fillet at a junction, in radii of the child
     lean: float = 0.8  # how much a branch as thick as its parent leaves in the parent's direction
     tip: float = 0.35  # radius at the end of a limb, as a share of its base; thinner ends stay
     flare: float = 0.4  # widening of the trunk at the ground, as a share of its radius
@@ -108,11 +108,10 @@ class GeneralisedCylinders(Strategy):
         above = float(curves.radius_at(curves.begin[:1] + 4 * base[0])[0])
         flare = remaining_flare(self.flare, float(base[0]), above)
         widen[trunk] *= flared(tubes.points[trunk, 1] - ground, tubes.angle[trunk], float(base[0]), flare)
-        move = tubes.radius * (widen - 1)
+        points = tubes.points + (tubes.radius * (widen - 1))[:, None] * tubes.outward
         at, junction = near_sockets(tubes, joints)
-        move[at] += fillet(joints, junction, tubes.points[at], tubes.outward[at])
-        move[tubes.radius == 0] = 0
-        return np.asarray(tubes.points + move[:, None] * tubes.outward)
+        points[at] = fillet(joints, junction, points[at], tubes.outward[at])
+        return points
 
 
 def joined_limbs(limbs: Limbs, sides: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -145,7 +144,7 @@ def near_sockets(tubes: Tubes, joints: Sockets) -> tuple[NDArray[np.int64], NDAr
     """Vertices (Q,) of limbs with a fillet, and the junction (Q,) of each."""
     junction_of = np.full(int(tubes.limb.max()) + 1, -1)
     junction_of[joints.limb] = np.arange(len(joints.limb))
-    at = np.flatnonzero(junction_of[tubes.limb] >= 0)
+    at = np.flatnonzero((junction_of[tubes.limb] >= 0) & (tubes.radius > 0))
     return at, junction_of[tubes.limb[at]]
 
 

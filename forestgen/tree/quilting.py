@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 N_CANDIDATES = 64  # places of the sample tried for each patch
 CHOICE = 1.1  # any place whose mismatch is within this factor of the best may be taken (their "error tolerance")
+ORDINARY = 0.4  # share of the places, the least odd ones, that patches are taken from
 WORN = 0.6  # extra mismatch for each time a place's surroundings were taken already: keeps repetition away
 
 
@@ -30,6 +31,7 @@ def quilt(
         ValueError: the sample has no place for a whole valid patch, or the blocks are too few.
     """
     places = valid_places(is_valid, patch)
+    places = places[is_ordinary(sample, places, patch)]
     if not len(places) or min(blocks) < 2 or not 0 < 2 * overlap <= patch:
         raise ValueError(f"quilt: {len(places)} places for a patch of {patch} px, overlap {overlap}, {blocks} blocks")
     step = patch - overlap
@@ -60,6 +62,20 @@ def valid_places(is_valid: NDArray[np.bool_], patch: int) -> NDArray[np.int64]:
     holes = cv2.integral((~is_valid).astype(np.uint8))
     count = holes[patch:, patch:] - holes[:-patch, patch:] - holes[patch:, :-patch] + holes[:-patch, :-patch]
     return np.argwhere(count == 0)
+
+
+def is_ordinary(sample: NDArray[np.float32], places: NDArray[np.int64], patch: int) -> NDArray[np.bool_]:
+    """Whether the patch at each place (N,) looks like most of the sample (H, W, 3).
+
+    A knot, a fork or the edge of a shadow is worth seeing once; in a tile it comes back as a grid.
+    Those are kept that are ordinary: of least distance from the median colour at a coarse scale.
+    """
+    coarse = cv2.GaussianBlur(sample, (0, 0), max(1.0, patch / 8))
+    odd = np.sum((coarse - np.median(sample, axis=(0, 1))) ** 2, axis=2) ** 1.5
+    total = cv2.integral(odd.astype(np.float64))
+    y, x = places.T
+    oddness = total[y + patch, x + patch] - total[y, x + patch] - total[y + patch, x] + total[y, x]
+    return np.asarray(oddness <= np.quantile(oddness, ORDINARY)) if len(places) else np.zeros(0, bool)
 
 
 def sewn_mask(
@@ -131,6 +147,6 @@ def resize_torus(tile: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np
     rows = ((np.arange(size[0]) + 0.5) * height / size[0] - 0.5 + border).astype(np.float32)
     columns = ((np.arange(size[1]) + 0.5) * width / size[1] - 0.5 + border).astype(np.float32)
     if size[1] < width:
-        padded = cv2.GaussianBlur(padded, (0, 0), 0.4 * width / size[1])
+        padded = np.asarray(cv2.GaussianBlur(padded, (0, 0), 0.4 * width / size[1]), np.float32)
     x, y = np.meshgrid(columns, rows)
     return np.asarray(cv2.remap(padded, x, y, cv2.INTER_CUBIC), np.float32)

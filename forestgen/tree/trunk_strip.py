@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from forestgen.arrays import freeze
 from forestgen.tree.view import View
 
 WIDEST = 0.35  # half width that is looked for, as a share of the trunk stroke's length
-SLIMMEST = 0.45  # the trunk ends, as a source of bark, where it is narrower than that share of its foot
+SLIMMEST = 0.55  # the trunk ends, as a source of bark, where it is narrower than that share of its foot
 BARK = 0.75  # share of a pixel that must be wood
 LEAF = 0.25  # share of a pixel that may be leaf
 
@@ -39,7 +40,7 @@ def trunk_strip(view: View, half_angle: float, n_across: int) -> TrunkStrip:
     """
     centre, normal, half_width = trunk_outline(view)
     if not len(centre):
-        return TrunkStrip(np.zeros((0, 1, 3)), np.zeros((0, 1), bool), 1.0, view.camera.px_per_metre)
+        return TrunkStrip(np.zeros((0, 1, 3), np.float32), np.zeros((0, 1), bool), 1.0, view.camera.px_per_metre)
     radius_px = float(np.median(half_width))
     shrink = min(1.0, n_across / (np.pi * radius_px))
     columns = max(1, round(2 * half_angle * radius_px * shrink))
@@ -49,14 +50,14 @@ def trunk_strip(view: View, half_angle: float, n_across: int) -> TrunkStrip:
     xy = centre[row, None] + normal[row, None] * (half_width[row, None] * np.sin(turn))[:, :, None]
     where = (xy - 0.5).astype(np.float32)  # pixel centres lie at halves
 
-    def sample(image: NDArray[np.generic]) -> NDArray[np.float32]:
-        soft = image.astype(np.float32)
+    def sample(image: NDArray[Any]) -> NDArray[np.float32]:
+        soft = np.asarray(image, np.float32)
         if shrink < 1:
-            soft = cv2.GaussianBlur(soft, (0, 0), 0.4 / shrink)
+            soft = np.asarray(cv2.GaussianBlur(soft, (0, 0), 0.4 / shrink), np.float32)
         return np.asarray(cv2.remap(soft, where[..., 0], where[..., 1], cv2.INTER_CUBIC), np.float32)
 
     is_bark = (sample(view.mattes.branch) > BARK) & (sample(view.mattes.foliage) < LEAF)
-    rgb = np.clip(sample(view.photo.rgb) / 255, 0, 1)
+    rgb = np.asarray(np.clip(sample(view.photo.rgb) / 255, 0, 1), np.float32)
     return TrunkStrip(rgb, is_bark, radius_px * shrink, view.camera.px_per_metre * shrink)
 
 
@@ -124,15 +125,20 @@ def smooth(value: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(gaussian_filter1d(median_filter(value, size, mode="nearest"), size / 3, mode="nearest"))
 
 
+def bark_colour(strip: TrunkStrip) -> NDArray[np.float32]:
+    """Mean sRGB (3,) of the strip's bark, in light and in shade: what the trunk is from afar."""
+    return np.asarray(strip.rgb[strip.is_bark].mean(axis=0), np.float32)
+
+
 def evenly_lit(strip: TrunkStrip, evenness: float) -> TrunkStrip:
-    """Take light and shade out: divide by the local mean colour, and give all the overall median.
+    """Take light and shade out: divide by the local mean colour, and give all the mean colour of the whole.
 
     What is larger than `evenness` times the strip's width counts as light.
     """
     valid = strip.is_bark.astype(np.float32)
     sigma = max(1.0, evenness * strip.rgb.shape[1])
     weight = cv2.GaussianBlur(valid, (0, 0), sigma)
-    colour = np.median(strip.rgb[strip.is_bark], axis=0)
+    colour = bark_colour(strip)
     local = cv2.GaussianBlur(strip.rgb * valid[..., None], (0, 0), sigma) / np.maximum(weight, 1e-4)[..., None]
     profile = np.sum(strip.rgb * valid[..., None], axis=0) / np.maximum(valid.sum(axis=0), 1)[:, None]
     profile = cv2.GaussianBlur(profile[None], (0, 0), max(1.0, 0.06 * len(profile)), sigmaY=1e-3)
@@ -140,4 +146,9 @@ def evenly_lit(strip: TrunkStrip, evenness: float) -> TrunkStrip:
     light = local * profile / np.maximum(blurred, 1e-3)
     even = strip.rgb * np.clip(colour / np.maximum(light, 1 / 255), 0.3, 3.0)
     even[~strip.is_bark] = colour
+    depth = cv2.GaussianBlur(np.sum((even - colour) ** 2, axis=2), (0, 0), 2 * sigma) / np.maximum(
+        cv2.GaussianBlur(valid, (0, 0), 2 * sigma), 1e-3
+    )
+    evens = np.clip(np.median(depth[strip.is_bark]) / np.maximum(depth, 1e-9), 0.3, 3.0) ** 0.35
+    even = colour + (even - colour) * evens[..., None]  # shade is duller, and dull patches would stand out
     return TrunkStrip(np.clip(even, 0, 1), strip.is_bark, strip.radius, strip.px_per_metre)
