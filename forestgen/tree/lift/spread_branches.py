@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from forestgen.errors import StageError
 from forestgen.tree.branches import BranchGraph
-from forestgen.tree.lift.branch_paths import BranchPaths, cut_into_paths
+from forestgen.tree.branch_paths import BranchPaths, cut_into_paths
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -60,7 +60,8 @@ def spread_depth(
     The trunk stays in the plane. A branch's depth grows with the way it makes sideways from its
     parent, and a share `upward` of the way along it: what turns up beside the trunk stays beside it.
     """
-    paths = cut_into_paths(flat, graph.parent)
+    scale = 0.02 * float(np.ptp(flat, axis=0).max())  # a direction is seen over a fiftieth of the tree
+    paths = cut_into_paths(flat, graph.parent, max(scale, 1e-9))
     depth = np.zeros(len(flat))
     placed = [_samples(flat, depth, paths, 0)]
     boxes = [_box(flat[paths.nodes[0]])]
