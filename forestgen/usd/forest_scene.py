@@ -25,6 +25,9 @@ from forestgen.usd.materials import define_plain_material
 GROUND_SRGB = (0.62, 0.61, 0.56)  # dry earth, light and nearly grey: it leaves the trees the colour
 GROUND_MARGIN = 0.5  # share of the tallest tree's height that the ground reaches beyond the outermost crowns
 SUN_DIRECTION_DEG = (-50.0, 35.0)  # pitch about X, then heading about Y: from above, in front, to the right
+SUN_IRRADIANCE = 3.0  # with the sky, a white sheet facing up comes out just below white
+SUN_ANGLE_DEG = 2.0  # wider than the real sun's 0.53: softer edges of shadows
+SKY_RADIANCE = 0.4
 ORDER = Vt.TokenArray(["xformOp:translate", "xformOp:rotateY", "xformOp:scale"])
 
 
@@ -145,12 +148,15 @@ def _define_lights(stage: Usd.Stage, path: Sdf.Path) -> None:
     """A soft afternoon: readers that honour lights show something at once."""
     UsdGeom.Scope.Define(stage, path)
     sun = UsdLux.DistantLight.Define(stage, path.AppendChild("sun"))
-    sun.CreateIntensityAttr(3.0)
-    sun.CreateAngleAttr(2.0)
+    half_angle = np.radians(SUN_ANGLE_DEG / 2)
+    sun.CreateIntensityAttr(
+        float(SUN_IRRADIANCE / (np.pi * np.sin(half_angle) ** 2))
+    )  # intensity is the disc's radiance
+    sun.CreateAngleAttr(SUN_ANGLE_DEG)
     sun.CreateColorAttr(Gf.Vec3f(1.0, 0.96, 0.9))
     pitch, heading = SUN_DIRECTION_DEG
     sun.AddRotateYOp().Set(heading)
     sun.AddRotateXOp().Set(pitch)
     sky = UsdLux.DomeLight.Define(stage, path.AppendChild("sky"))
-    sky.CreateIntensityAttr(0.6)
+    sky.CreateIntensityAttr(SKY_RADIANCE)
     sky.CreateColorAttr(Gf.Vec3f(0.82, 0.9, 1.0))
