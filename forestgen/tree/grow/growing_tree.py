@@ -66,9 +66,7 @@ class GrowingTree:
             self.radius.append(RATIO * self.radius[bearer])
         self.position, self.parent = np.array(position), np.array(parent)
 
-    def _foot(
-        self, axis: int, share: float, position: list[NDArray[np.float64]], parent: list[np.int64 | int]
-    ) -> int:
+    def _foot(self, axis: int, share: float, position: list[NDArray[np.float64]], parent: list[np.int64 | int]) -> int:
         """The node where a branch starts on an axis: a near one, or a new one that lies on the segment."""
         nodes = self.axes[axis].nodes
         line = self.line(axis)

@@ -74,7 +74,7 @@ def improvements(
     which, distance = np.empty(capacity, np.int32), np.empty(capacity, np.float64)
     count = 0
     low, high = np.empty((len(a) + 1, 3)), np.empty((len(a) + 1, 3))
-    cut = np.empty(len(a) + 2, np.int64)
+    cut, to_box = np.empty(len(a) + 2, np.int64), np.empty(len(a) + 1)
     for c in range(n_place):
         boxes = 0
         for m in range(start[c], start[c + 1]):
@@ -100,8 +100,14 @@ def improvements(
                 best = limit
                 if _box_distance2(target[s], whole_low, whole_high) >= best:
                     continue
+                nearest, to_nearest = 0, np.inf  # the branch to measure first: it rules out most others
                 for box in range(boxes):
-                    if _box_distance2(target[s], low[box], high[box]) < best:
+                    to_box[box] = _box_distance2(target[s], low[box], high[box])
+                    if to_box[box] < to_nearest:
+                        nearest, to_nearest = box, to_box[box]
+                for turn in range(-1, boxes):
+                    box = nearest if turn < 0 else turn
+                    if to_box[box] < best and turn != nearest:
                         for m in range(cut[box], cut[box + 1]):
                             best = min(best, _distance2(target[s], a[m], b[m]))
                 if best < limit:

@@ -70,18 +70,14 @@ def grow_limbs(
             break
 
 
-def draw_branches(
-    radius: NDArray[np.float64], order: list[int], count: int, *, rng: np.random.Generator
-) -> list[int]:
+def draw_branches(radius: NDArray[np.float64], order: list[int], count: int, *, rng: np.random.Generator) -> list[int]:
     """A small set of axes: thickest first, each taken with a probability of one over its generation."""
     ranked = np.argsort(-radius, kind="stable")
     taken = rng.random(len(ranked)) < 1.0 / (np.asarray(order)[ranked] + 1)
     return [int(axis) for axis in ranked[taken][:count]]
 
 
-def _best(
-    gain: dict[int, NDArray[np.float64]], used: set[tuple[int, int]], min_gain: float
-) -> list[tuple[int, int]]:
+def _best(gain: dict[int, NDArray[np.float64]], used: set[tuple[int, int]], min_gain: float) -> list[tuple[int, int]]:
     """The (axis, placement) of the greatest gains, best first, that were not tried before."""
     found = []
     for axis, values in gain.items():

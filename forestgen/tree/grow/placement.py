@@ -48,37 +48,58 @@ class Placements:
         )
 
 
-def place(line: NDArray[np.float64], subtrees: Sequence[Subtree], n_rotations: int) -> Placements:
-    """Put each subtree on the branch along a polyline (P, 3), in turn by each rotation about it.
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """Subtrees in each of their rotations, one behind the other, ready to be put on branches. M nodes."""
+
+    away: NDArray[np.float64]  # (M, 3) from the foot, in lengths of the support
+    share: NDArray[np.float64]  # (U,) the shares of the support's length at which anything starts, rising
+    foot: NDArray[np.int64]  # (M,) into share
+    parent: NDArray[np.int64]  # (M,) into the M nodes, -1 on the support
+    group: NDArray[np.int64]  # (M,) one number a branch, rising
+    start: NDArray[np.int64]  # (C + 1,) nodes start[c] to start[c + 1] are pattern c
+
+
+def patterns(subtrees: Sequence[Subtree], n_rotations: int) -> Patterns:
+    """The subtrees, each turned evenly round its supporting branch `n_rotations` times."""
+    if not subtrees:
+        nothing = np.zeros(0, np.int64)
+        return Patterns(np.zeros((0, 3)), np.zeros(0), nothing, nothing, nothing, np.zeros(1, np.int64))
+    turns = _turns(n_rotations)
+    away, at, parent, group, sizes = [], [], [], [], [0]
+    n_nodes, n_groups = 0, 0
+    for subtree in subtrees:
+        from_foot = subtree.position - subtree.at[:, None] * [0.0, 1.0, 0.0]
+        many = int(subtree.branch.max()) + 1
+        for turn in turns:
+            away.append(from_foot @ turn.T)
+            at.append(subtree.at)
+            parent.append(np.where(subtree.parent < 0, -1, subtree.parent + n_nodes))
+            group.append(subtree.branch + n_groups)
+            sizes.append(len(subtree))
+            n_nodes += len(subtree)
+            n_groups += many
+    share, foot = np.unique(np.concatenate(at), return_inverse=True)
+    return Patterns(
+        np.concatenate(away), share, foot, np.concatenate(parent), np.concatenate(group), np.cumsum(sizes)
+    )  # fmt: skip
+
+
+def place(line: NDArray[np.float64], wanted: Patterns) -> Placements:
+    """Put patterns on the branch along a polyline (P, 3).
 
     The scale makes the supporting branch as long as this one; what starts at a share of the support
     starts at the same share of the branch, and follows the branch's direction there.
     """
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    length = float(along[-1])
-    turns = _turns(n_rotations)
-    position, foot, parent, at, group, sizes = [], [], [], [], [], []
-    n_nodes, n_groups = 0, 0
-    for subtree in subtrees:
-        feet, frames = _frames(line, along, subtree.at)
-        away = subtree.position - np.column_stack([np.zeros(len(subtree)), subtree.at, np.zeros(len(subtree))])
-        turned = np.einsum("rij,kj->rki", turns, away)
-        placed = feet + length * np.einsum("kij,rkj->rki", frames, turned)
-        position.append(placed.reshape(-1, 3))
-        foot.append(np.tile(feet, (n_rotations, 1)))
-        shift = n_nodes + np.arange(n_rotations)[:, None] * len(subtree)
-        parent.append(np.where(subtree.parent < 0, -1, subtree.parent + shift).ravel())
-        at.append(np.tile(subtree.at, n_rotations))
-        many = int(subtree.branch.max()) + 1
-        group.append((subtree.branch + n_groups + np.arange(n_rotations)[:, None] * many).ravel())
-        sizes += [len(subtree)] * n_rotations
-        n_nodes += n_rotations * len(subtree)
-        n_groups += n_rotations * many
-    start = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    return Placements(
-        np.concatenate(position), np.concatenate(foot), np.concatenate(parent), np.concatenate(at),
-        np.concatenate(group), start,
-    )  # fmt: skip
+    feet = point_at(line, along, wanted.share)
+    ahead = point_at(line, along, np.minimum(wanted.share + WINDOW, 1))
+    behind = point_at(line, along, np.maximum(wanted.share - WINDOW, 0))
+    direction = (ahead - behind) / np.maximum(np.linalg.norm(ahead - behind, axis=1, keepdims=True), 1e-12)
+    frames = np.swapaxes(turn_to_y(direction), 1, 2)[wanted.foot] * along[-1]
+    foot = feet[wanted.foot]
+    position = foot + np.matmul(frames, wanted.away[:, :, None])[:, :, 0]
+    return Placements(position, foot, wanted.parent, wanted.share[wanted.foot], wanted.group, wanted.start)
 
 
 def _turns(count: int) -> NDArray[np.float64]:
@@ -91,19 +112,6 @@ def _turns(count: int) -> NDArray[np.float64]:
     return turns
 
 
-def _frames(
-    line: NDArray[np.float64], along: NDArray[np.float64], at: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (K, 3) of a polyline at shares of its length (K,), and frames (K, 3, 3) that take +Y to its direction."""
-    shares, back = np.unique(at, return_inverse=True)
-    point, low, high = (point_at(line, along, np.clip(shares + d, 0, 1)) for d in (0, -WINDOW, WINDOW))
-    direction = (high - low) / np.maximum(np.linalg.norm(high - low, axis=1, keepdims=True), 1e-12)
-    frames = np.array([turn_to_y(one).T for one in direction])
-    return point[back], frames[back]
-
-
-def point_at(
-    line: NDArray[np.float64], along: NDArray[np.float64], share: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def point_at(line: NDArray[np.float64], along: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (K, 3) of a polyline (P, 3) at shares (K,) of its length; `along` (P,) is the way to each vertex."""
     return np.column_stack([np.interp(share * along[-1], along, line[:, k]) for k in range(3)])

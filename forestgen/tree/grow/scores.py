@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from forestgen.tree.grow import kernels
 from forestgen.tree.grow.attractors import Field, picture_plane
 from forestgen.tree.grow.crown_volume import CrownVolume
-from forestgen.tree.grow.placement import Placements, place
+from forestgen.tree.grow.placement import Patterns, Placements, patterns, place
 from forestgen.tree.grow.subtree_library import Subtree
 
 Sparse = tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]
@@ -38,8 +39,8 @@ class Block:
 
     @property
     def n_bytes(self) -> int:
-        arrays = [self.a, self.b, self.group, self.start, *(part for s in (*self.image, *self.space) for part in s)]
-        return sum(array.nbytes for array in arrays)
+        sparse = [part for one in (*self.image, *self.space) for part in one]
+        return sum(array.nbytes for array in (self.a, self.b, self.group, self.start, *sparse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +53,21 @@ class PlacementRules:
     share: float  # of a new branch's length that pruning must leave
     shortest: float  # new branch
 
+    @cached_property
+    def for_trunk(self) -> Patterns:
+        return patterns([subtree for subtree in self.library if subtree.on != "side"], self.n_rotations)
+
+    @cached_property
+    def for_sides(self) -> Patterns:
+        return patterns([subtree for subtree in self.library if subtree.on != "trunk"], self.n_rotations)
+
     def placements(self, line: NDArray[np.float64], order: int) -> tuple[Placements, NDArray[np.bool_]]:
         """All placements on a branch (P, 3) of an order, and which nodes (M,) the silhouettes leave."""
-        wanted = ("any", "trunk" if order == 0 else "side")
-        placed = place(line, [subtree for subtree in self.library if subtree.on in wanted], self.n_rotations)
+        placed = place(line, self.for_trunk if order == 0 else self.for_sides)
         may_pass, may_end = self.volume.allows(placed.position)
         return placed, self.prune(placed, may_pass, may_end)
 
-    def prune(
-        self, placed: Placements, may_pass: NDArray[np.bool_], may_end: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
+    def prune(self, placed: Placements, may_pass: NDArray[np.bool_], may_end: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which nodes (M,) stay, see `kernels.prune`."""
         return np.asarray(
             kernels.prune(placed.parent, placed.group, placed.length, may_pass, may_end, self.share, self.shortest)
@@ -76,11 +82,7 @@ class Scores:
     ) -> None:
         self.rules, self.image, self.space, self.max_bytes = rules, image, space, max_bytes
         self._blocks: dict[int, Block] = {}  # by axis, the one drawn last at the end
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory that the stored placements take."""
-        return sum(block.n_bytes for block in self._blocks.values())
+        self.n_bytes = 0  # that the blocks take
 
     def cost(self, kind: str) -> float:
         """E2D or E3D of the tree as it stands, metres."""
@@ -88,7 +90,10 @@ class Scores:
 
     def gains(self, axis: int, line: NDArray[np.float64], order: int, kind: str) -> NDArray[np.float64]:
         """By how much each placement (C,) on an axis of an order would lower the cost."""
-        block = self._blocks.pop(axis, None) or self._measure(line, order)
+        block = self._blocks.pop(axis, None)
+        if block is None:
+            block = self._measure(line, order)
+            self.n_bytes += block.n_bytes
         self._blocks[axis] = block
         if kind == "image":
             parts = [kernels.gains(*s, one.distance) for s, one in zip(block.image, self.image, strict=True)]
@@ -99,6 +104,7 @@ class Scores:
             )
             block.space.append(new)
             block.n_space = len(self.space)
+            self.n_bytes += sum(part.nbytes for part in new)
             self._forget()
         return np.asarray(np.sum([kernels.gains(*s, self.space.distance) for s in block.space], axis=0))
 
@@ -122,6 +128,5 @@ class Scores:
         return Block(a, b, group, start, image)
 
     def _forget(self) -> None:
-        total = self.n_bytes
-        while total > self.max_bytes and len(self._blocks) > 1:
-            total -= self._blocks.pop(next(iter(self._blocks))).n_bytes
+        while self.n_bytes > self.max_bytes and len(self._blocks) > 1:
+            self.n_bytes -= self._blocks.pop(next(iter(self._blocks))).n_bytes

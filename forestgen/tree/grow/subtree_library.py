@@ -165,19 +165,21 @@ def _as_subtree(
     share = dict(zip(support.nodes.tolist(), along / length, strict=True))
     feet = [foot[node] for node in nodes]
     at = np.array([share[node] for node in feet])
-    away = (skeleton.position[nodes] - skeleton.position[feet]) @ turn_to_y(chord).T / length
+    away = (skeleton.position[nodes] - skeleton.position[feet]) @ turn_to_y(chord[None])[0].T / length
     position = away + np.column_stack([np.zeros_like(at), at, np.zeros_like(at)])
     return Subtree(name, "along", form, on, position, np.array(parent), at, np.array(label))
 
 
 def turn_to_y(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The smallest rotation (3, 3) that takes a unit vector (3,) to +Y."""
-    cosine = float(direction[1])
-    if cosine < -1 + 1e-9:
-        return np.diag([1.0, -1.0, -1.0])
-    axis = np.cross(direction, [0.0, 1.0, 0.0])
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + cosine))
+    """The smallest rotations (U, 3, 3) that take unit vectors (U, 3) to +Y."""
+    x, y, z = direction.T
+    bend = 1 / np.maximum(1 + y, 1e-9)
+    turn = np.empty((len(direction), 3, 3))
+    turn[:, 0] = np.column_stack([1 - x * x * bend, -x, -x * z * bend])
+    turn[:, 1] = direction
+    turn[:, 2] = np.column_stack([-x * z * bend, -z, 1 - z * z * bend])
+    turn[y < -1 + 1e-9] = np.diag([1.0, -1.0, -1.0])
+    return turn
 
 
 def difference(a: Subtree, b: Subtree) -> float:

@@ -33,14 +33,16 @@ class SubtreeReplacement(Strategy):
     """
 
     iterations: int = 300  # paper: "about 100" (sec. 3.1); goes on here until nothing is gained, see `patience`
-    patience: int = 8  # paper: none; iterations in a row that add nothing, after which growth ends (0: never ends early)
+    patience: int = (
+        8  # paper: none; iterations in a row that add nothing, after which growth ends (0: never ends early)
+    )
     n_rotations: int = 12  # "12 quantized levels of 360 degrees" (sec. 3.1)
     n_subtrees: int = 8  # "at most 8 subtrees" (sec. 3.1)
-    n_candidates: int = 10  # "a small set of existing branches" (sec. 3.1): its size is not given
+    n_candidates: int = 6  # "a small set of existing branches" (sec. 3.1): its size is not given
     visible_subtrees: bool = True  # "taking all its subtrees" of the visible branches (sec. 3.1)
     predefined_subtrees: bool = True  # "if there is too few subtrees we add predefined subtrees" (sec. 3.1)
     library: str = ""  # folder of the user's own subtrees (*.json), beside the others (sec. 3.1: "can be enriched")
-    interval: float = 0.02  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
+    interval: float = 0.025  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
     near: float = 0.02  # of the height; "too close to some existing branches" (sec. 3.1), not given
     shortest: float = 0.04  # of the height; paper: 0; what is shorter than this is left to the twigs
     min_gain: float = 0.15  # of the height; paper: 0; least fall of the cost that is worth an iteration

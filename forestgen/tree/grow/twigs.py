@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from forestgen.tree.grow import kernels
 from forestgen.tree.grow.crown_volume import CrownVolume
+from forestgen.tree.grow.uncovered import uncovered_places
 from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child, n_children
 
 STEP = 0.5  # of the attractors' spacing
@@ -29,6 +30,7 @@ LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
 SCALES = (4, 2, 1)  # spacings of the attractors, in turn
+NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
 ROUNDING = 2  # times that each new node is drawn between its neighbours
 
 
@@ -58,16 +60,38 @@ def grow_twigs(
     """
     position, parent = skeleton.position, skeleton.parent
     for scale in SCALES:
-        bears = np.ones(len(parent), bool)
-        bears[bare] = scale > 1
-        shoots = shoots_on(position, parent, bears, STEP * scale * spacing)
-        colonise(shoots, volume, volume.sample(scale * spacing, rng), scale * spacing, rng=rng)
-        place = smooth(shoots.position, shoots.parent, len(parent), ROUNDING)
-        stays = without_bare_ends(shoots.parent, n_fixed, volume.allows(place)[1])
-        index, parent = np.cumsum(stays) - 1, shoots.parent[stays]
-        position, parent = place[stays], np.where(parent < 0, -1, index[parent])
+        target = volume.sample(scale * spacing, rng)
+        position, parent = _extended(position, parent, n_fixed, bare, volume, target, scale * spacing, rng=rng)
+    for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
+        target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
+        position, parent = _extended(position, parent, n_fixed, bare, volume, target, 0.5 * spacing, rng=rng)
     radius = np.concatenate([skeleton.radius[:n_fixed], np.full(len(parent) - n_fixed, np.nan)])
     return Skeleton(position, parent, radius)
+
+
+def _extended(
+    position: NDArray[np.float64],
+    parent: NDArray[np.int64],
+    n_fixed: int,
+    bare: NDArray[np.int64],
+    volume: CrownVolume,
+    target: NDArray[np.float64],
+    spacing: float,
+    *,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Places and parents of a tree grown toward targets (S, 3) that lie `spacing` metres apart."""
+    bears = np.ones(len(parent), bool)
+    bears[bare] = False
+    shoots = shoots_on(position, parent, bears, STEP * spacing)
+    n_starts = len(shoots.parent)
+    colonise(shoots, volume, target, spacing, rng=rng)
+    place = smooth(shoots.position, shoots.parent, len(parent), ROUNDING)
+    may_end = volume.allows(place)[1]
+    may_end[len(parent) : n_starts] = False  # places on segments that nothing grew from
+    stays = without_bare_ends(shoots.parent, n_fixed, may_end)
+    index, kept = np.cumsum(stays) - 1, shoots.parent[stays]
+    return place[stays], np.where(kept < 0, -1, index[kept])
 
 
 def colonise(
@@ -141,9 +165,7 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
 
 
-def _append(
-    shoots: Shoots, node: NDArray[np.int64], tip: NDArray[np.float64], heading: NDArray[np.float64]
-) -> None:
+def _append(shoots: Shoots, node: NDArray[np.int64], tip: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
     shoots.children[node] += 1
     shoots.bears[node[shoots.children[node] > SIDES]] = False
     shoots.position = np.concatenate([shoots.position, tip])
@@ -180,9 +202,7 @@ def shoots_on(
     )
 
 
-def smooth(
-    position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int
-) -> NDArray[np.float64]:
+def smooth(position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int) -> NDArray[np.float64]:
     """Places (N, 3) with the nodes from `first` on drawn between their neighbours on the way: no zigzag."""
     if len(parent) <= first:
         return position
@@ -195,9 +215,7 @@ def smooth(
     return place
 
 
-def without_bare_ends(
-    parent: NDArray[np.int64], first: int, may_end: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def without_bare_ends(parent: NDArray[np.int64], first: int, may_end: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which nodes (N,) stay when those from `first` on that lead to no place where a twig may end are cut."""
     stays = may_end.copy()
     stays[:first] = True
