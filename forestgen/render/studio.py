@@ -1,8 +1,8 @@
 """Studio: pyrender offscreen, with its known faults worked around. One context for many pictures.
 
 What pyrender gets wrong is replaced, not patched: its shaders (they never discard cut-out texels)
-by our own; its cameras (its orthographic one takes no offset) by exact matrices. Its depth
-linearisation and its bounds (`np.infty`) are not used.
+by our own; its cameras (its orthographic one takes no offset) by exact matrices; its lights by one
+sun with a shadow map of ours. Its depth linearisation is undone, its bounds (`np.infty`) are not used.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from forestgen.camera import Camera
 from forestgen.errors import RenderError
 from forestgen.render.drawable import Drawable, extent_along, vertex_normals
 from forestgen.render.projection import camera_pose, projection
+from forestgen.render.sunlight import FAR, NEAR, clip_depth, depth_texture, sun_camera, sunlit_renderer
 
 REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libegl1 libgl1-mesa-dri libgles2"
 SHADERS = Path(__file__).parent / "shaders"
@@ -55,8 +56,8 @@ class Studio:
             self._offscreen = self._pyrender.OffscreenRenderer(16, 16)
         except Exception as error:  # EGL answers with assertions, attribute and GL errors
             raise RenderError(f"{REMEDY} ({type(error).__name__}: {error})") from error
-        cache = self._pyrender.shader_program.ShaderProgramCache(shader_dir=str(SHADERS))
-        self._offscreen._renderer._program_cache = cache
+        self._renderer = self._offscreen._renderer = sunlit_renderer(self._pyrender)
+        self._renderer._program_cache = self._pyrender.shader_program.ShaderProgramCache(shader_dir=str(SHADERS))
         self._scene = self._pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
         for index, drawable in enumerate(self._drawables):
             self._scene.add(_mesh(self._pyrender, drawable, str(index)))
@@ -72,7 +73,7 @@ class Studio:
 
     def colour(self, camera: Camera) -> NDArray[np.float32]:
         """Draw the textures' own colours, unlit: premultiplied sRGB-encoded RGBA (H, W, 4) in [0, 1]."""
-        return self._draw(camera, self._pyrender.RenderFlags.FLAT)
+        return self._draw(camera, self._pyrender.RenderFlags.FLAT)[0]
 
     def classes(self, camera: Camera) -> NDArray[np.float32]:
         """Shares (H, W, 2) of each pixel where a leaf, and where wood, is in front."""
@@ -82,33 +83,48 @@ class Studio:
             material.baseColorFactor = np.array([0.0, 0.0, 0.0, drawable.colour[3]])
             material.emissiveFactor = np.array(LEAF if drawable.is_leaf else WOOD)
         try:
-            return self._draw(camera, self._pyrender.RenderFlags.FLAT)[..., :2]
+            return self._draw(camera, self._pyrender.RenderFlags.FLAT)[0][..., :2]
         finally:
             for material, base, emissive in kept:
                 material.baseColorFactor, material.emissiveFactor = base, emissive
 
     def lit(self, camera: Camera) -> NDArray[np.float32]:
         """Draw in soft studio light, for people: premultiplied sRGB-encoded RGBA (H, W, 4) in [0, 1]."""
-        return self._draw(camera, self._pyrender.RenderFlags.NONE)
+        if not self._drawables:
+            return self.colour(camera)
+        sun = sun_camera(self._drawables, camera)
+        texture = depth_texture(self._pyrender, clip_depth(self._draw(sun, self._pyrender.RenderFlags.FLAT)[1]))
+        texture._add_to_context()
+        self._renderer.sun_texture = texture
+        self._renderer.sun_matrix = self._clip_matrix(sun) @ np.linalg.inv(camera_pose(sun))
+        self._renderer.sun_toward = sun.axes[2]
+        try:
+            return self._draw(camera, self._pyrender.RenderFlags.NONE)[0]
+        finally:
+            texture.delete()
+
+    def _clip_matrix(self, camera: Camera) -> NDArray[np.float64]:
+        """The camera's projection, its clipping planes just around what is drawn."""
+        farthest, nearest = extent_along(self._drawables, camera.axes[2:])[:, 0]
+        slack = 0.01 * (nearest - farthest) + 1e-3
+        return projection(camera, nearest + slack, farthest - slack)
 
     def _materials(self) -> list[tuple[Any, Drawable]]:
         nodes = sorted(self._scene.mesh_nodes, key=lambda node: int(node.mesh.name))
         return [(node.mesh.primitives[0].material, self._drawables[int(node.mesh.name)]) for node in nodes]
 
-    def _draw(self, camera: Camera, flags: int) -> NDArray[np.float32]:
+    def _draw(self, camera: Camera, flags: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """RGBA (H, W, 4) in [0, 1], and pyrender's depth (H, W)."""
         width, height = camera.size
         if not self._drawables:
-            return np.zeros((height, width, 4), np.float32)
+            return np.zeros((height, width, 4), np.float32), np.zeros((height, width), np.float32)
         if self._camera_node is not None:
             self._scene.remove_node(self._camera_node)
-        farthest, nearest = extent_along(self._drawables, camera.axes[2:])[:, 0]
-        slack = 0.01 * (nearest - farthest) + 1e-3
-        exact = _exact_camera(self._pyrender, projection(camera, nearest + slack, farthest - slack))
+        exact = _exact_camera(self._pyrender, self._clip_matrix(camera))
         self._camera_node = self._scene.add(exact, pose=camera_pose(camera))
         self._offscreen.viewport_width, self._offscreen.viewport_height = width, height
-        flags |= self._pyrender.RenderFlags.RGBA
-        picture, _ = self._offscreen.render(self._scene, flags=flags)
-        return np.asarray(picture, np.float32) / np.float32(255)
+        picture, depth = self._offscreen.render(self._scene, flags=flags | self._pyrender.RenderFlags.RGBA)
+        return np.asarray(picture, np.float32) / np.float32(255), depth
 
 
 def _exact_camera(pyrender: Any, matrix: NDArray[np.float64]) -> Any:
@@ -118,7 +134,7 @@ def _exact_camera(pyrender: Any, matrix: NDArray[np.float64]) -> Any:
         def get_projection_matrix(self, width: int | None = None, height: int | None = None) -> NDArray[np.float64]:
             return matrix
 
-    return ExactCamera(znear=0.05, zfar=100.0)
+    return ExactCamera(znear=NEAR, zfar=FAR)
 
 
 def _mesh(pyrender: Any, drawable: Drawable, name: str) -> Any:

@@ -1,4 +1,4 @@
-// Studio light: a soft sun over the viewer's left shoulder and a sky that is brighter above.
+// Studio light: a soft sun with shadows, and a sky that is brighter above and dimmer inside the crown.
 // Every surface is lit from both sides; leaves also let light through.
 #version 410 core
 struct Material {
@@ -11,14 +11,35 @@ struct Material {
 };
 uniform Material material;
 uniform mat4 V;
+uniform vec3 sun_toward;
+uniform sampler2D sun_depth;  // clip depth in 16 bits, red the upper eight
 sample in vec2 uv;
 in vec3 world_normal;
+in vec3 sun_place;
 out vec4 colour;
 
-const vec3 SUN_FROM_VIEWER = normalize(vec3(-0.55, 0.7, 0.6));
+const int TAPS = 2;           // of the shadow map, each sample; a pixel has four samples
+const float SPREAD = 0.012;   // radius of the penumbra, share of the map
+const float BIAS = 0.006;     // share of the depth range
 
 vec3 to_linear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
 vec3 to_srgb(vec3 c) { return mix(c * 12.92, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c)); }
+
+// x: share of the sun that arrives; y: share of the sky, less the deeper the point lies behind the crown's surface
+vec2 light_that_arrives() {
+    float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    float open = 0.0, inside = 0.0;
+    for (int k = 0; k < TAPS; ++k) {
+        float tap = float(TAPS * gl_SampleID + k);
+        float angle = turn + 2.3999632 * tap;
+        vec2 step_aside = SPREAD * sqrt((tap + 0.5) / (4.0 * float(TAPS))) * vec2(cos(angle), sin(angle));
+        float first = dot(texture(sun_depth, sun_place.xy + step_aside).rg, vec2(256.0, 1.0)) * 255.0 / 65535.0;
+        float behind = sun_place.z - BIAS - first;
+        open += behind <= 0.0 ? 1.0 : 0.0;
+        inside += max(behind, 0.0);
+    }
+    return vec2(open, 0.0) / float(TAPS) + vec2(0.0, exp(-3.0 * inside / float(TAPS)));
+}
 
 void main() {
     vec4 base = material.base_color_factor;
@@ -28,12 +49,12 @@ void main() {
 #endif
     if (base.a < material.metallic_factor) discard;
     vec3 n = normalize(world_normal);
-    vec3 toward = transpose(mat3(V)) * vec3(0.0, 0.0, 1.0);
-    vec3 sun = transpose(mat3(V)) * SUN_FROM_VIEWER;
-    if (dot(n, toward) < 0.0) n = -n;
-    float facing = dot(n, sun);
+    if (dot(n, transpose(mat3(V)) * vec3(0.0, 0.0, 1.0)) < 0.0) n = -n;
+    float facing = dot(n, sun_toward);
     float lit = mix(max(facing, 0.0), 0.35 + 0.65 * abs(facing), 0.8 * material.roughness_factor);
+    vec2 arrives = light_that_arrives();
     float sky = 0.5 + 0.5 * n.y;
-    vec3 light = vec3(1.0, 0.97, 0.9) * 0.75 * lit + mix(vec3(0.30, 0.29, 0.27), vec3(0.50, 0.54, 0.60), sky);
+    vec3 light = vec3(1.0, 0.96, 0.88) * 1.35 * lit * arrives.x
+               + mix(vec3(0.40, 0.39, 0.36), vec3(0.62, 0.68, 0.76), sky) * mix(0.45, 1.0, arrives.y);
     colour = vec4(to_srgb(clamp(to_linear(base.rgb) * light, 0.0, 1.0)), 1.0);
 }

@@ -12,9 +12,11 @@ layout(location = INST_M_LOC) in mat4 place;
 uniform mat4 M;
 uniform mat4 V;
 uniform mat4 P;
+uniform mat4 sun_matrix;
 
 sample out vec2 uv;
 out vec3 world_normal;
+out vec3 sun_place;         // in the shadow map, [0, 1]
 
 void main() {
 #ifdef TEXCOORD_0_LOC
@@ -26,5 +28,7 @@ void main() {
     // the cofactor matrix turns normals, also where a scale differs by axis
     mat3 a = mat3(world);
     world_normal = mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1])) * normal;
-    gl_Position = P * (V * (world * vec4(position, 1.0)));
+    vec4 point = world * vec4(position, 1.0);
+    sun_place = (sun_matrix * point).xyz * 0.5 + 0.5;
+    gl_Position = P * (V * point);
 }
