@@ -1,0 +1,108 @@
+"""Gap links: smooth curves behind the leaves, from the tree to a piece of wood seen through a gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.tree.trace.wood_network import WoodNetwork
+
+CURVE = 14  # points at which a link's course is looked at
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkRules:
+    """When a link is plausible and what it costs."""
+
+    longest_px: float
+    least_piece_px: float  # shorter visible parts are noise, not worth a link
+    price: float  # of a hidden pixel
+    most_open: float  # share of the link that may lie before open background
+    every_px: float  # places on the tree between which a link may leave
+
+
+@dataclass(frozen=True, eq=False)
+class FreeEnds:
+    """E free ends of a network's pieces."""
+
+    xy: NDArray[np.float64]  # (E, 2) px
+    inward: NDArray[np.float64]  # (E, 2) unit direction from the end into its piece
+    piece: list[int]
+    side: list[int]
+    component: NDArray[np.int64]  # (E,)
+
+
+def free_ends(network: WoodNetwork, view_px: float, least_px: float) -> FreeEnds:
+    """All free ends of parts of the network that are long enough to have a direction."""
+    total = np.bincount(network.component, weights=network.length)
+    where = [(int(p), int(s)) for p, s in np.argwhere(network.ends < 0) if total[network.component[p]] >= least_px]
+    xy, inward = np.zeros((len(where), 2)), np.zeros((len(where), 2))
+    for index, (piece, side) in enumerate(where):
+        points = network.points[piece][:: 1 if side == 0 else -1]
+        into = points[min(int(view_px), len(points) - 1)] - points[0]
+        xy[index], inward[index] = points[0], into / max(np.hypot(*into), 1e-9)
+    pieces = [piece for piece, _ in where]
+    return FreeEnds(xy, inward, pieces, [side for _, side in where], network.component[pieces].astype(np.int64))
+
+
+def best_links(
+    places: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ends: FreeEnds,
+    wanted: NDArray[np.int64],
+    is_covered: NDArray[np.bool_],
+    rules: LinkRules,
+    turn_px: float,
+) -> list[tuple[float, int, int, NDArray[np.float64]]]:
+    """The cheapest link to each wanted end that has one: (price, end, place, curve (C, 2) px).
+
+    Links leave places (S, 2) px of the tree, which arrives there in directions (S, 2).
+    """
+    across = ends.xy[wanted][None] - places[:, None]
+    apart = np.hypot(across[..., 0], across[..., 1])
+    way = across / np.maximum(apart, 1e-9)[..., None]
+    heading = directions / np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
+    fork = (way * heading[:, None]).sum(axis=2)
+    bend = (way * ends.inward[wanted][None]).sum(axis=2)
+    place, end = np.nonzero((apart < rules.longest_px) & (fork > -0.2) & (bend > 0.2))
+    if not len(place):
+        return []
+    gap, heading = apart[place, end], heading[place]
+    price = rules.price * gap + turn_px * ((1 - fork[place, end]) ** 2 + 2 * (1 - bend[place, end]) ** 2)
+    cheapest = np.lexsort((price, end))
+    first = cheapest[np.r_[True, np.diff(end[cheapest]) > 0]]
+    found = []
+    for index in first:  # only the cheapest of each end is looked at in the photo
+        target = int(wanted[end[index]])
+        curve = hermite(places[place[index]], ends.xy[target], heading[index], ends.inward[target])
+        column, row = np.clip(curve.astype(np.int64), 0, np.array(is_covered.shape[::-1]) - 1).T
+        is_open = ~is_covered[row, column]
+        if is_open.mean() <= rules.most_open:
+            cost = float(price[index] + 4 * rules.price * gap[index] * is_open.mean())
+            steps = max(2, int(gap[index] / 2))
+            fine = hermite(places[place[index]], ends.xy[target], heading[index], ends.inward[target], steps)
+            found.append((cost, target, int(place[index]), fine[1:-1]))
+    return found
+
+
+def hermite(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    leaving: NDArray[np.float64],
+    arriving: NDArray[np.float64],
+    n: int = CURVE,
+) -> NDArray[np.float64]:
+    """Points (n, 2) of the cubic from start to end; it leaves half in the given direction, half straight."""
+    gap = float(np.hypot(*(end - start)))
+    straight = (end - start) / max(gap, 1e-9)
+    t = np.linspace(0, 1, n)[:, None]
+    out = gap * (straight + leaving) / 2
+    into = gap * (straight + arriving) / 2
+    return np.asarray(
+        (2 * t**3 - 3 * t**2 + 1) * start
+        + (t**3 - 2 * t**2 + t) * out
+        + (-2 * t**3 + 3 * t**2) * end
+        + (t**3 - t**2) * into
+    )

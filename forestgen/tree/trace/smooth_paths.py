@@ -1,0 +1,202 @@
+"""Smooth paths: all wood that the branch matte shows, joined to one tree by shortest ways that dislike turning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.arrays import freeze
+from forestgen.tree.branches import BranchGraph
+from forestgen.tree.mattes import Mattes
+from forestgen.tree.photo import Photo
+from forestgen.tree.strategy import Strategy
+from forestgen.tree.strokes import Strokes, draw_polyline
+from forestgen.tree.trace.centre_lines import CentreLine, centre_lines, knots_of, without_twiglets
+from forestgen.tree.trace.gap_links import LinkRules
+from forestgen.tree.trace.half_width import edge_distance, falling_fit, raw_half_width, side_weights
+from forestgen.tree.trace.network_tree import WayPrices, span
+from forestgen.tree.trace.stroke_routes import route_stroke
+from forestgen.tree.trace.wood_network import WoodNetwork, wood_network
+
+
+@dataclass(frozen=True, eq=False)
+class WoodModel:
+    """What is prepared once for a photo's mattes, so that strokes are traced at once."""
+
+    wood: NDArray[np.bool_]  # (H, W) visible wood
+    distance: NDArray[np.float32]  # (H, W) px of each wood pixel to the wood's edge
+    is_foliage: NDArray[np.bool_]  # (H, W)
+    is_covered: NDArray[np.bool_]  # (H, W) leaf or wood, a little widened: a hidden branch may pass here
+
+    def __post_init__(self) -> None:
+        freeze(
+            self,
+            wood=(np.bool_, "H", "W"),
+            distance=(np.float32, "H", "W"),
+            is_foliage=(np.bool_, "H", "W"),
+            is_covered=(np.bool_, "H", "W"),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothPaths(Strategy):
+    """Every piece of wood seen in the photo, on its medial line and as wide as it is there.
+
+    Ours, and the default instead of the circle of Tan et al. 2008, sec. 2: that one finds a fifth
+    of the visible wood (benchmarks/tracing.py), since it stops at the first leaf and cannot see
+    forks nearer than its radius. Lengths are shares of the tree's height in the photo.
+    """
+
+    slide: float = 0.012  # a stroke slides to wood this near
+    least_wood: float = 0.008  # shorter visible wood is noise
+    view: float = 0.016  # directions are seen over this length
+    turn: float = 0.15  # a turn by 90 degrees costs as much as this length of wood
+    on_stroke: float = 0.35  # price of a length under a stroke; plain wood costs 1
+    hidden: float = 2.5  # price of a hidden length
+    longest_link: float = 0.16  # a branch is hidden behind leaves for at most this length
+    most_open: float = 0.15  # of a link may lie before open background
+    smooth: float = 0.002  # sigma along a branch; wider wood is smoothed more
+    off_line: float = 0.0007  # a polyline's greatest distance from its smooth line
+    longest_edge: float = 0.03  # between two nodes
+
+    def __call__(self, photo: Photo, strokes: Strokes, mattes: Mattes, *, rng: np.random.Generator) -> BranchGraph:
+        return self.trace(self.prepare(mattes, strokes), strokes)
+
+    def prepare(self, mattes: Mattes, strokes: Strokes) -> WoodModel:
+        """Clean the branch matte: what does not change while strokes are drawn."""
+        wood = without_specks(mattes.is_branch, round(self.least_wood * drawn_height(strokes)))
+        near = cv2.dilate((mattes.is_tree | wood).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        return WoodModel(wood, edge_distance(wood), mattes.is_foliage, near)
+
+    def trace(self, model: WoodModel, strokes: Strokes) -> BranchGraph:
+        """The graph of all visible wood, along the strokes first."""
+        tall = drawn_height(strokes)
+        is_stroke = np.zeros(model.wood.shape, bool)
+        size = (model.wood.shape[1], model.wood.shape[0])
+        for path in strokes.branches:
+            is_stroke |= draw_polyline(route_stroke(path, model.distance, max(self.slide * tall, 2)), size)
+        ground, wood = root_cut(model, is_stroke, strokes.branches[0])
+        network = wood_network(wood, model.distance)
+        prices = WayPrices(
+            turn_px=self.turn * tall,
+            view_px=max(self.view * tall, 6),
+            on_stroke=self.on_stroke,
+            links=LinkRules(
+                longest_px=self.longest_link * tall,
+                least_piece_px=self.least_wood * tall,
+                price=self.hidden,
+                most_open=self.most_open,
+                every_px=max(self.least_wood * tall / 2, 1),
+            ),
+        )
+        tree = span(
+            network,
+            strokes.root,
+            nearest_end(network, ground),
+            distance=model.distance,
+            is_stroke=cv2.dilate(is_stroke.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0,
+            is_covered=model.is_covered,
+            prices=prices,
+        )
+        xy, parent, hidden = np.array(tree.xy), np.array(tree.parent), np.array(tree.is_hidden)
+        width = raw_half_width(model.distance, xy)
+        kept = without_twiglets(xy, parent, width, self.least_wood * tall)
+        place = np.full(len(xy), -1)
+        place[kept] = np.arange(len(kept))
+        above = np.where(parent[kept] < 0, -1, place[parent[kept]])
+        lines = centre_lines(xy[kept], above, width[kept], hidden[kept], max(self.smooth * tall, 1))
+        return assemble(lines, model, off_px=max(self.off_line * tall, 0.4), longest_px=self.longest_edge * tall)
+
+
+def drawn_height(strokes: Strokes) -> float:
+    """Height of the strokes in the photo, px: what all lengths of a trace are measured by."""
+    rows = np.concatenate([strokes.crown, *strokes.branches])[:, 1]
+    return max(float(strokes.root[1] - rows.min()), float(np.ptp(rows)), 1.0)
+
+
+def without_specks(wood: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
+    """A mask (H, W) without parts of fewer pixels, and without pinholes: leaf or noise, not a fork."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(wood.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= least_px
+    large[0] = False
+    kept = large[label]
+    _, label, stats, _ = cv2.connectedComponentsWithStats((~kept).astype(np.uint8), connectivity=4)
+    pinhole = stats[:, cv2.CC_STAT_AREA] <= 4
+    pinhole[0] = False
+    return np.asarray(kept | pinhole[label])
+
+
+def root_cut(
+    model: WoodModel, is_stroke: NDArray[np.bool_], trunk: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Wood and strokes (H, W) without a disc about the root, and the point (2,) where the trunk leaves that disc.
+
+    The medial line of a trunk forks into the corners of its foot: the disc takes them away.
+    """
+    root = trunk[0]
+    length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(trunk, axis=0).T))])
+    at = np.linspace(0, length[-1] / 3, 40)
+    early = np.column_stack([np.interp(at, length, trunk[:, 0]), np.interp(at, length, trunk[:, 1])])
+    radius = 1.6 * float(np.median(raw_half_width(model.distance, early))) + 3
+    radius = min(radius, length[-1] / 3)
+    row, column = np.indices(model.wood.shape, sparse=True)
+    away = (column + 0.5 - root[0]) ** 2 + (row + 0.5 - root[1]) ** 2 > radius**2
+    leave = np.array([np.interp(radius, length, trunk[:, 0]), np.interp(radius, length, trunk[:, 1])])
+    return leave, (model.wood | is_stroke) & away
+
+
+def nearest_end(network: WoodNetwork, point: NDArray[np.float64]) -> tuple[int, int]:
+    """(piece, which end) of the network's end nearest to a point (2,) px."""
+    ends = np.array([[points[0], points[-1]] for points in network.points])
+    away = np.hypot(*np.moveaxis(ends - point, 2, 0)) + 5.0 * (network.ends >= 0)
+    piece, side = np.unravel_index(int(np.argmin(away)), away.shape)
+    return int(piece), int(side)
+
+
+def assemble(lines: list[CentreLine], model: WoodModel, *, off_px: float, longest_px: float) -> BranchGraph:
+    """Nodes and radii of the lines: radii fall along each line, and no branch is thicker than its parent there."""
+    feet: list[list[int]] = [[] for _ in lines]
+    for line in lines[1:]:
+        feet[line.parent].append(line.foot)
+    xy, parent, radius = [], [], []
+    node_of: list[dict[int, int]] = []
+    fitted: list[NDArray[np.float64]] = []
+    count = 0
+    for index, line in enumerate(lines):
+        most = np.inf if line.parent < 0 else float(fitted[line.parent][line.foot])
+        half = line_radius(line, model, most)
+        fitted.append(np.where(np.isnan(half), _carried(half, most), half))
+        knots = knots_of(line, feet[index], off_px, longest_px)
+        if line.parent >= 0:
+            knots = knots[1:]  # the foot is the parent's node
+        before = -1 if line.parent < 0 else node_of[line.parent][line.foot]
+        names = {int(knot): count + i for i, knot in enumerate(knots)}
+        if line.parent >= 0:
+            names[0] = before
+        node_of.append(names)
+        parent += [before, *range(count, count + len(knots) - 1)]
+        xy.append(line.xy[knots])
+        radius.append(half[knots])
+        count += len(knots)
+    return BranchGraph(np.concatenate(xy), np.array(parent), np.concatenate(radius))
+
+
+def line_radius(line: CentreLine, model: WoodModel, most: float) -> NDArray[np.float64]:
+    """Half widths (K,) px along a line: falling, at most `most`, NaN where no wood is seen."""
+    half = raw_half_width(model.distance, line.xy)
+    seen = (half > 0) & ~line.is_hidden
+    result = np.full(len(half), np.nan)
+    if seen.any():
+        weight = side_weights(line.xy, half, model.is_foliage)
+        result[seen] = np.minimum(falling_fit(half[seen], weight[seen]), most)
+    return result
+
+
+def _carried(half: NDArray[np.float64], most: float) -> NDArray[np.float64]:
+    """Half widths (K,) with the last known value, or `most`, where they are NaN."""
+    known = np.where(np.isnan(half), 0, np.arange(1, len(half) + 1))
+    last = np.maximum.accumulate(known)
+    return np.where(last > 0, half[np.maximum(last - 1, 0)], most)
