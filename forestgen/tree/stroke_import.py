@@ -29,6 +29,7 @@ KINDS = {
     "background": "background",
 }  # fmt: skip
 CENTRE_POINTS = 12  # points of the line that is drawn up the middle of an outlined trunk or branch
+FAR_PX = 1e7  # no photo reaches so far
 ASPECT = 0.02  # by how much a drawing's picture may differ from the photo in shape
 
 
@@ -183,7 +184,8 @@ def _from_svg(path: Path, photo_size: tuple[int, int] | None, tree: int | None) 
     drawn = []
     for shape in svg.shapes:
         if kind := kind_of(shape.names):
-            points = (shape.points - [x, y]) * [photo_size[0] / width, photo_size[1] / height]
+            with np.errstate(all="ignore"):  # infinite points are refused below
+                points = (shape.points - [x, y]) * [photo_size[0] / width, photo_size[1] / height]
             group = next((name for name in shape.names if kind_of([name]) is None), "")
             is_outline = kind == "crown" or shape.is_closed
             drawn.append(Drawn(kind, group, _points(points.tolist(), str(path)), is_outline))
@@ -288,6 +290,6 @@ def _points(points: Sequence[Sequence[float]], where: str) -> NDArray[np.float64
     if any(len(point) != 2 for point in points):
         raise InputError(f"{where}: expected points of two numbers each; draw the shape again")
     xy = np.array(points, np.float64).reshape(-1, 2)
-    if not np.isfinite(xy).all():
-        raise InputError(f"{where}: expected points inside the photo, came an infinite one; draw the shape again")
+    if not (np.abs(xy) < FAR_PX).all():
+        raise InputError(f"{where}: expected points inside the photo, came one far from it; draw the shape again")
     return xy

@@ -6,11 +6,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
-from annotated_types import Gt, Len
+from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -86,14 +86,14 @@ Pixels = Annotated[int, Gt(0)]
 
 class DensityTable(Table):
     add: bool = Field(description="true for painted foliage, false for a painted hole")
-    radius: Annotated[float, Gt(0)] = Field(description="the brush's radius in pixels, above 0")
+    radius: Annotated[float, Gt(0), Le(1e4)] = Field(description="the brush's radius in pixels, above 0")
     path: Annotated[list[Point], Len(1)] = Field(description="points [x, y] in pixels of the photo")
 
 
 class StrokeTable(Table):
     """A stroke set as it stands in its file."""
 
-    version: Literal[1] = Field(description="1, the only version there is so far")
+    version: Annotated[int, Ge(VERSION), Le(VERSION)] = Field(description="1, the only version there is so far")
     photo: str = Field(default="", description="the photo's path, in quotes")
     size: Annotated[list[Pixels], Len(2, 2)] = Field(
         description="the photo's [width, height] in whole pixels, such as [1500, 1125]"

@@ -55,12 +55,14 @@ def read_svg(path: Path) -> Svg:
         top = ET.fromstring(path.read_bytes())
         if _tag(top) != "svg":
             raise InputError(f"{path}: expected an SVG drawing, came a file of <{one_line(_tag(top))[:40]}>")
-        elements = list(_drawn(top, (), np.eye(3)))
-        shapes = [shape for element, names, matrix in elements for shape in _shapes(element, names, matrix)]
-        frame = next((_image_box(e, matrix) for e, _, matrix in elements if _tag(e) == "image"), None) or _view_box(top)
+        with np.errstate(all="ignore"):  # numbers beyond all bounds become infinite and are refused as points
+            elements = list(_drawn(top, (), np.eye(3)))
+            shapes = [shape for element, names, matrix in elements for shape in _shapes(element, names, matrix)]
+            boxes = [_image_box(element, matrix) for element, _, matrix in elements if _tag(element) == "image"]
+        frame = boxes[0] if boxes else _view_box(top)
     except (ET.ParseError, ValueError, LookupError, RecursionError) as error:
         raise InputError(f"{path}: not a valid SVG: {one_line(str(error))[:100]}; export it again") from error
-    if frame is None or not min(frame[2:]) > 0:
+    if frame is None or not (np.isfinite(frame).all() and min(frame[2:]) > 1e-6):
         raise InputError(f"{path}: expected an <image>, a viewBox, or width and height above 0; save it with the photo")
     return Svg(tuple(shapes), frame)
 
