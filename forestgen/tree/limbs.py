@@ -103,25 +103,45 @@ def plant(skeleton: Skeleton, depth: float) -> Skeleton:
     )
 
 
-def continuing_child(skeleton: Skeleton) -> NDArray[np.int64]:
-    """The child (N,) that carries each node's limb on, -1 where it ends: the thickest.
+def thickest_child(skeleton: Skeleton) -> NDArray[np.int64]:
+    """The child (N,) that carries each node's limb on, -1 at tips: the thickest.
 
-    Of children equally thick within a few percent the straightest; none past a needle-sharp turn.
+    Of children equally thick within a few percent it is the straightest.
     """
-    parent = skeleton.parent
-    ahead = np.zeros_like(skeleton.position)
-    ahead[1:] = unit(skeleton.position[1:] - skeleton.position[parent[1:]])
+    ahead, parent = directions(skeleton), skeleton.parent
     straight = np.ones(len(skeleton))
     straight[1:] = np.sum(ahead[1:] * ahead[parent[1:]], axis=1)
-    straight[parent == 0] = 1.0  # the root has no direction to depart from
-    best = main_child(skeleton.radius * (1 + STRAIGHTER * straight), parent)
-    return np.where((best >= 0) & (straight[best] < SHARPEST), -1, best)
+    return main_child(skeleton.radius * (1 + STRAIGHTER * straight), parent)
 
 
-def limbs_of(skeleton: Skeleton) -> Limbs:
-    """Cut a skeleton of at least two nodes into limbs that follow the thickest child."""
+def directions(skeleton: Skeleton) -> NDArray[np.float64]:
+    """Unit direction (N, 3) in which each node lies from its parent; up for the root."""
+    step = skeleton.position[1:] - skeleton.position[skeleton.parent[1:]]
+    return np.concatenate([[[0.0, 1.0, 0.0]], unit(step)])
+
+
+def without_hairpins(skeleton: Skeleton, continues: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The continuing children (N,) without those past a needle-sharp turn, where the limb ends.
+
+    Between nodes closer together than the limb's radius a turn is noise of the tracing.
+    """
+    ahead, parent = directions(skeleton), skeleton.parent
+    long = np.full(len(skeleton), np.inf)
+    long[1:] = np.linalg.norm(skeleton.position[1:] - skeleton.position[parent[1:]], axis=1)
+    node = np.flatnonzero(continues >= 0)
+    after = continues[node]
+    sharp = np.sum(ahead[node] * ahead[after], axis=1) < SHARPEST
+    sharp &= np.minimum(long[node], long[after]) > skeleton.radius[node] / 2
+    sharp &= node > 0
+    return np.where(np.isin(np.arange(len(skeleton)), node[sharp]), -1, continues)
+
+
+def limbs_along(skeleton: Skeleton, continues: NDArray[np.int64]) -> Limbs:
+    """Cut a skeleton into limbs: each goes on to the child (N,) that continues it, -1 where it ends.
+
+    The root must continue.
+    """
     parent, index = skeleton.parent, np.arange(len(skeleton))
-    continues = continuing_child(skeleton)
     is_head = np.ones(len(skeleton), bool)
     is_head[1:] = continues[parent[1:]] != index[1:]
     head = ancestor_where(parent, is_head)

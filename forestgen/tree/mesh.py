@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from forestgen.tree.junctions import Sockets, blend_normals, collar_stations, fillet, sockets
 from forestgen.tree.limb_curves import LimbCurves, curve_through, relaxed
-from forestgen.tree.limbs import Limbs, continuing_child, limbs_of, merge_coincident, plant, tree_size
+from forestgen.tree.limbs import (
+    Limbs,
+    limbs_along,
+    merge_coincident,
+    plant,
+    thickest_child,
+    tree_size,
+    without_hairpins,
+)
 from forestgen.tree.model import Bark, Mesh
 from forestgen.tree.rings import Rings, needed_stations, place_rings, with_zones
 from forestgen.tree.root_flare import flare_stations, flared, remaining_flare
@@ -20,7 +28,7 @@ from forestgen.tree.tubes import Tubes, sweep, vertex_normals, with_domes
 SMALLEST = 1e-4  # radius below which a twig is not drawn thinner, as a share of the tree's size
 ROUGH_SIDES = 10  # limbs with that many sides show the wood's unevenness in full
 FILLET_SIDES = 5  # thinner limbs join without a fillet: it would be smaller than a pixel
-TAPER = 12.0  # radii of way over which a tip of the tree narrows
+TAPER = 6.0  # radii of way over which a tip of the tree narrows
 GOLDEN = 0.6180339887498949  # limbs start at different places around the bark
 
 
@@ -36,7 +44,7 @@ class GeneralisedCylinders(Strategy):
     max_sides: int = 18  # of a thick trunk
     min_sides: int = 3  # of a twig
     roundness: float = 3.5e-4  # how far a flat side may lie inside the true circle, share of the size
-    straightness: float = 3.5e-4  # how far the axis may stray from its curve between rings, share of the size
+    straightness: float = 5e-4  # how far the axis may stray from its curve between rings, share of the size
     shift: float = 0.25  # how far smoothing may move a node, in radii (and at most `bow`)
     bow: float = 1e-3  # how far a curve may stray from the straight line between nodes, share of the size
     collar: float = 0.8  # radius of the fillet at a junction, in radii of the child
@@ -70,8 +78,10 @@ class GeneralisedCylinders(Strategy):
         """The limbs of a planted skeleton of the given size (m) as smooth curves with radii."""
         bow = self.bow * size
         limit = np.minimum(self.shift * skeleton.radius, bow)
-        position, radius = relaxed(skeleton, continuing_child(skeleton), limit)
-        limbs = limbs_of(skeleton)
+        continues = thickest_child(skeleton)
+        position, radius = relaxed(skeleton, continues, limit)
+        even = Skeleton(position, skeleton.parent, radius)
+        limbs = limbs_along(even, without_hairpins(even, continues))
         knot_radius = np.maximum(limb_radii(limbs, position, radius, self.tip), SMALLEST * size)
         ratio = knot_radius[limbs.first[:-1]] / np.maximum(knot_radius[limbs.socket], SMALLEST * size)
         room = bow + 0.5 * knot_radius
@@ -88,7 +98,7 @@ class GeneralisedCylinders(Strategy):
         """Cross-sections where bends, taper, junctions and the root's flare need them."""
         n_side = sides[curves.limbs.limb]
         far = np.where(n_side > self.min_sides, np.where(n_side >= ROUGH_SIDES, 1.5, 6.0), 60.0)
-        tolerance = np.maximum(self.straightness * size, 0.03 * curves.radius)
+        tolerance = np.maximum(self.straightness * size, np.where(n_side > self.min_sides, 0.03, 0.7) * curves.radius)
         station, limb = needed_stations(curves, tolerance, far * curves.radius)
         foot = flare_stations(float(curves.begin[0]), sink, float(curves.radius[0]))
         collar, owner = collar_stations(curves, joints)

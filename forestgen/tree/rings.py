@@ -54,7 +54,7 @@ def needed_stations(
     step = curves.step.reshape(-1, 3)
     length = np.linalg.norm(step, axis=1)
     ahead = unit(step)
-    turn = np.arccos(np.clip(np.sum(ahead[1:] * ahead[:-1], axis=1), -1, 1))
+    turn = 2 * np.arcsin(np.clip(np.linalg.norm(ahead[1:] - ahead[:-1], axis=1) / 2, 0, 1))
     turn[(length[1:] <= 0) | (length[:-1] <= 0)] = 0
     need = np.sqrt(turn * (length[1:] + length[:-1]) / 2 / (8 * np.repeat(tolerance, STEPS)[1:]))
     share = length / np.repeat(longest, STEPS)
