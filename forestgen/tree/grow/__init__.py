@@ -13,8 +13,11 @@ from forestgen.tree.view import View
 
 
 class Grow(Protocol):
-    """Contract of a grower: the nodes that came in keep their indices, places and radii;
-    new nodes are appended with radius NaN."""
+    """Contract of a grower: the visible branches stay as they came in.
+
+    Their nodes keep places, radii and order, and come first; others may be put between them, on
+    the same branch and with radii between theirs. What has grown follows, with radius NaN.
+    """
 
     def __call__(
         self, skeleton: Skeleton, views: Sequence[View], *, rng: np.random.Generator, on_step: OnStep | None = None

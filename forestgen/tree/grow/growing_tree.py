@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.grow.axes import Axis, axes_of
-from forestgen.tree.grow.placement import Placements, point_at
+from forestgen.tree.grow.placement import Placements
 from forestgen.tree.skeleton import Skeleton
 
 RATIO = 0.75  # of a branch's radius to its bearer's, to rank branches with (sec. 2)
-SNAP = 0.15  # of a segment: a branch that starts this near to a node starts on it
 
 
 class GrowingTree:
@@ -27,6 +28,15 @@ class GrowingTree:
             bearer = self.radius[axis.bearer] if axis.bearer >= 0 else 1.0
             measured = skeleton.radius[axis.nodes[min(1, len(axis.nodes) - 1)]]
             self.radius.append(float(measured) if np.isfinite(measured) else RATIO * bearer)
+
+    def lead(self, points: NDArray[np.float64]) -> None:
+        """Carry the trunk on through points (P, 3)."""
+        first = len(self.parent)
+        trunk = self.axes[0]
+        above = np.concatenate([trunk.nodes[-1:], np.arange(first, first + len(points))])[: len(points)]
+        self.position = np.concatenate([self.position, points])
+        self.parent = np.concatenate([self.parent, above])
+        self.axes[0] = replace(trunk, nodes=np.concatenate([trunk.nodes, np.arange(first, first + len(points))]))
 
     @property
     def skeleton(self) -> Skeleton:
@@ -52,7 +62,7 @@ class GrowingTree:
         for begin, stop in _runs(placed.group, stays):
             above = int(placed.parent[begin])
             if above < 0:
-                start, bearer = self._foot(axis, float(placed.at[begin]), position, parent), axis
+                start, bearer = self._foot(axis, float(placed.at[begin])), axis
             else:
                 start, bearer = int(node[above]), axis_of[int(placed.group[above])]
             nodes = [start]
@@ -66,18 +76,11 @@ class GrowingTree:
             self.radius.append(RATIO * self.radius[bearer])
         self.position, self.parent = np.array(position), np.array(parent)
 
-    def _foot(self, axis: int, share: float, position: list[NDArray[np.float64]], parent: list[np.int64 | int]) -> int:
-        """The node where a branch starts on an axis: a near one, or a new one that lies on the segment."""
-        nodes = self.axes[axis].nodes
+    def _foot(self, axis: int, share: float) -> int:
+        """The node of an axis nearest to a share of its length."""
         line = self.line(axis)
         along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-        which = int(np.clip(np.searchsorted(along, share * along[-1], side="right") - 1, 0, len(nodes) - 2))
-        within = (share * along[-1] - along[which]) / max(along[which + 1] - along[which], 1e-12)
-        if within < SNAP or within > 1 - SNAP:
-            return int(nodes[which + (within > 0.5)])
-        position.append(point_at(line, along, np.array([share]))[0])
-        parent.append(int(nodes[which]))
-        return len(parent) - 1
+        return int(self.axes[axis].nodes[np.argmin(np.abs(along - share * along[-1]))])
 
 
 def _runs(group: NDArray[np.int64], stays: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -9,12 +9,30 @@ from forestgen.tree.grow.crown_volume import TurnedOutline
 
 STEM_REACH = 0.75  # share of the crown's height that one stem passes through
 CONE = 0.44  # height of the outline's centre in the crown: a cone turned has 1/3, a ball 1/2
+SLENDER = 1.4  # height over width of a crown that narrows upward: the stem is there though leaves hide it
 
 
 def growth_form(trunk: NDArray[np.float64], outline: TurnedOutline) -> str:
-    """ "excurrent" where the trunk (P, 3) runs to near the top of a crown that narrows upward, else "decurrent"."""
+    """ "excurrent" where one stem, the trunk (P, 3), runs through a crown that narrows upward, else "decurrent"."""
     bottom, top = outline.up[0], outline.up[-1]
     reach = ((trunk @ outline.axes[1]).max() - bottom) / max(top - bottom, 1e-9)
     width = outline.left + outline.right
     centre = float((width * (outline.up - bottom)).sum() / max(width.sum() * (top - bottom), 1e-9))
-    return "excurrent" if reach >= STEM_REACH and centre <= CONE else "decurrent"
+    slender = (top - bottom) / max(float(width.max()), 1e-9)
+    is_one_stem = reach >= STEM_REACH or slender >= SLENDER
+    return "excurrent" if is_one_stem and centre <= CONE else "decurrent"
+
+
+def leader(trunk: NDArray[np.float64], outline: TurnedOutline, height: float) -> NDArray[np.float64]:
+    """Points (P, 3) that carry a trunk (P, 3) on, without a bend, to just under the crown's top; none if it is there."""
+    foot = trunk[-1]
+    apex = outline.centre[-1] + 0.5 * (outline.right[-1] - outline.left[-1])
+    across, up, toward = foot @ outline.axes.T
+    goal = np.array([apex, outline.up[-1] - 0.01 * height, toward]) @ outline.axes
+    rise = outline.up[-1] - 0.01 * height - up
+    if rise < 0.03 * height:
+        return np.zeros((0, 3))
+    heading = foot - trunk[max(0, len(trunk) - 4)]
+    heading *= rise / max(float(np.linalg.norm(heading)), 1e-9)
+    t = np.linspace(0, 1, 2 + int(rise / (0.03 * height)))[1:, None]
+    return np.asarray((1 - t) ** 2 * foot + 2 * t * (1 - t) * (foot + 0.5 * heading) + t * t * goal)

@@ -15,7 +15,7 @@ Array = NDArray[Any]
 
 
 @nb.njit(cache=True, inline="always")
-def _distance2(p: Array, a: Array, b: Array) -> float:  # pragma: no cover - compiled
+def _distance2(p: Array, a: Array, b: Array) -> Any:
     """Squared distance of a point (3,) to the segment from a to b."""
     dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     qx, qy, qz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
@@ -30,7 +30,7 @@ def _distance2(p: Array, a: Array, b: Array) -> float:  # pragma: no cover - com
 
 
 @nb.njit(cache=True)
-def lower_distances(a: Array, b: Array, target: Array, current: Array) -> None:  # pragma: no cover - compiled
+def lower_distances(a: Array, b: Array, target: Array, current: Array) -> None:
     """Lower, in place, the distances (S,) of targets (S, 3) to what segments (M, 3), (M, 3) make of them."""
     low, high = np.empty(3), np.empty(3)
     for begin in range(0, len(a), 16):
@@ -48,7 +48,7 @@ def lower_distances(a: Array, b: Array, target: Array, current: Array) -> None: 
 
 
 @nb.njit(cache=True, inline="always")
-def _box_distance2(p: Array, low: Array, high: Array) -> float:  # pragma: no cover - compiled
+def _box_distance2(p: Array, low: Array, high: Array) -> Any:
     """Squared distance of a point (3,) to a box."""
     total = 0.0
     for k in range(3):
@@ -62,7 +62,7 @@ def _box_distance2(p: Array, low: Array, high: Array) -> float:  # pragma: no co
 @nb.njit(cache=True)
 def improvements(
     a: Array, b: Array, group: Array, start: Array, target: Array, current: Array, first: int
-) -> tuple[Array, Array, Array]:  # pragma: no cover - compiled
+) -> tuple[Array, Array, Array]:
     """What each of C placements would lower, sparse: offsets (C + 1,), targets (E,), distances (E,).
 
     Placement c holds the segments start[c] to start[c + 1]; segments of one branch follow each other
@@ -123,7 +123,7 @@ def improvements(
 
 
 @nb.njit(cache=True)
-def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Array:  # pragma: no cover - compiled
+def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Array:
     """By how much each placement (C,) would lower the sum of the current distances (S,)."""
     total = np.zeros(len(pointer) - 1)
     for c in range(len(total)):
@@ -137,11 +137,12 @@ def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Arra
 @nb.njit(cache=True)
 def prune(
     parent: Array, group: Array, length: Array, may_pass: Array, may_end: Array, share: float, shortest: float
-) -> Array:  # pragma: no cover - compiled
+) -> Array:
     """Which nodes (M,) stay: those reached only through passable nodes, cut back to one where a branch may end.
 
     A branch of which less than `share` or less than the length `shortest` stays goes altogether, with
-    all that it bears. `length` (M,) is that of the segment to each node; `parent` is -1 where a branch starts on its support; a branch's nodes follow each other.
+    all that it bears. `length` (M,) is that of the segment to each node; `parent` is -1 where a branch
+    starts on its support; a branch's nodes follow each other.
     """
     n = len(parent)
     stays = np.zeros(n, np.bool_)
@@ -168,7 +169,7 @@ def prune(
 
 
 @nb.njit(cache=True)
-def distance_to_segments(point: Array, a: Array, b: Array) -> Array:  # pragma: no cover - compiled
+def distance_to_segments(point: Array, a: Array, b: Array) -> Array:
     """Distance of each point (N, 3) to the nearest of the segments (M, 3), (M, 3)."""
     away = np.full(len(point), np.inf)
     lower_distances(a, b, point, away)
@@ -176,9 +177,7 @@ def distance_to_segments(point: Array, a: Array, b: Array) -> Array:  # pragma: 
 
 
 @nb.njit(cache=True)
-def nearest_nodes(
-    node: Array, first: int, target: Array, open_: Array, away2: Array, nearest: Array
-) -> None:  # pragma: no cover - compiled
+def nearest_nodes(node: Array, first: int, target: Array, open_: Array, away2: Array, nearest: Array) -> None:
     """Let targets (S, 3) that are open know, in place, of nodes from `first` on that are nearer than theirs."""
     for s in range(len(target)):
         if not open_[s]:

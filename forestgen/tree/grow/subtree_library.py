@@ -91,7 +91,10 @@ def _join(name: str, kind: str, form: str, on: str, branches: Sequence[dict[str,
     if not branches:
         raise ValueError("'branches' is empty; expected at least one")
     first: list[int] = []  # index of each branch's first node
-    position, parent, at, label = [], [], [], []
+    position: list[NDArray[np.float64]] = []
+    parent: list[int] = []
+    at: list[float] = []
+    label: list[int] = []
     for index, branch in enumerate(branches):
         path, source, share = np.array(branch["path"], float), branch["from"], float(branch["at"])
         if path.ndim != 2 or path.shape[1] != 3 or not len(path) or not np.isfinite(path).all():

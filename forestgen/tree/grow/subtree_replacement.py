@@ -10,8 +10,9 @@ import numpy as np
 
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume, turn_outline
+from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.growing_tree import GrowingTree
-from forestgen.tree.grow.growth_form import growth_form
+from forestgen.tree.grow.growth_form import growth_form, leader
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
@@ -20,6 +21,7 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy
 from forestgen.tree.view import View
 
+VISIBLE_SPACING = 0.02  # of the height: nodes of visible branches are no farther apart
 ROUNDING = 3  # times that each new node is drawn between its neighbours, so that joints do not kink
 BARE_TRUNK = 0.75  # of the trunk bears no twigs, only limbs
 
@@ -29,7 +31,7 @@ class SubtreeReplacement(Strategy):
     """Growth by replacing branches with subtrees of a small library.
 
     The paper's own setting is iterations=100, patience=0, shortest=0.0, min_gain=0.0,
-    whole_branches=True, round_crown=False, twigs=False.
+    whole_branches=True, round_crown=False, leader=False, twigs=False.
     """
 
     iterations: int = 300  # paper: "about 100" (sec. 3.1); goes on here until nothing is gained, see `patience`
@@ -49,6 +51,7 @@ class SubtreeReplacement(Strategy):
     whole_branches: bool = False  # paper: a branch that leaves the foliage is removed; here it is cut back
     round_crown: bool = True  # paper: no; the crown is as deep as wide, and points in it attract as the joints do
     volume_interval: float = 0.05  # of the height, between the points in the crown
+    leader: bool = True  # paper: no; the single stem of a conifer is carried on to the crown's top
     twigs: bool = True  # paper: no; last generations wherever the crown has no wood near
     twig_interval: float = 0.028  # of the height, between the points that each want a twig
 
@@ -62,8 +65,12 @@ class SubtreeReplacement(Strategy):
             InputError: the user's library cannot be read.
         """
         volume = crown_volume(views, is_round=self.round_crown)
-        tree = GrowingTree(skeleton)
-        library = self._library(skeleton, views, volume)
+        tree = GrowingTree(densify(skeleton, VISIBLE_SPACING * volume.height)[0])
+        outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
+        form = growth_form(tree.line(0), outline)
+        library = self._library(skeleton, form)
+        if form == "excurrent" and self.leader:
+            tree.lead(leader(tree.line(0), outline, volume.height))
         image, space = self._attractors(tree, views, volume, rng=rng)
         h = volume.height
         share = 1.0 if self.whole_branches else 0.4
@@ -74,14 +81,12 @@ class SubtreeReplacement(Strategy):
         grown = Skeleton(position, tree.parent, tree.skeleton.radius)
         if not self.twigs:
             return grown
-        bare = tree.axes[0].nodes[: int(np.ceil(BARE_TRUNK * len(tree.axes[0].nodes)))]
+        trunk = tree.axes[0].nodes
+        bare = trunk[(np.arange(len(trunk)) < BARE_TRUNK * len(trunk)) & (trunk < tree.n_visible)]
         return grow_twigs(grown, tree.n_visible, bare, volume, self.twig_interval * h, rng=rng)
 
-    def _library(self, skeleton: Skeleton, views: Sequence[View], volume: CrownVolume) -> tuple[Subtree, ...]:
+    def _library(self, skeleton: Skeleton, form: str) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""
-        tree = GrowingTree(skeleton)
-        outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
-        form = growth_form(tree.line(0), outline)
         own = load_subtrees(Path(self.library)) if self.library else ()
         visible = subtrees_of(skeleton, form) if self.visible_subtrees else []
         predefined = [s for s in load_subtrees(PREDEFINED) if s.form == form] if self.predefined_subtrees else []

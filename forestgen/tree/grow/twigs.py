@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from forestgen.tree.grow import kernels
 from forestgen.tree.grow.crown_volume import CrownVolume
+from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.uncovered import uncovered_places
 from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child, n_children
 
@@ -29,6 +30,7 @@ INERTIA = 0.6  # of a shoot, against the pull of 1
 LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
+DENSE = 0.022  # of the height: nodes of limbs are no farther apart, so that twigs start all along them
 SCALES = (4, 2, 1)  # spacings of the attractors, in turn
 NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
 ROUNDING = 2  # times that each new node is drawn between its neighbours
@@ -56,7 +58,8 @@ def grow_twigs(
 ) -> Skeleton:
     """The tree with its last generations: a twig near each place in the crown, `spacing` metres apart.
 
-    The first `n_fixed` nodes stay as they are; the nodes in `bare` bear no twigs.
+    The first `n_fixed` nodes stay as they are (they are dense already); the nodes in `bare`, among
+    these, bear no twigs.
     """
     position, parent = skeleton.position, skeleton.parent
     for scale in SCALES:
@@ -81,15 +84,15 @@ def _extended(
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Places and parents of a tree grown toward targets (S, 3) that lie `spacing` metres apart."""
-    bears = np.ones(len(parent), bool)
+    grown = Skeleton(position, parent, np.full(len(parent), np.nan))
+    dense, _ = densify(grown, DENSE * volume.height)
+    bears = np.ones(len(dense), bool)
     bears[bare] = False
-    shoots = shoots_on(position, parent, bears, STEP * spacing)
-    n_starts = len(shoots.parent)
+    shoots = shoots_on(dense, bears)
+    n_starts = len(dense)
     colonise(shoots, volume, target, spacing, rng=rng)
-    place = smooth(shoots.position, shoots.parent, len(parent), ROUNDING)
-    may_end = volume.allows(place)[1]
-    may_end[len(parent) : n_starts] = False  # places on segments that nothing grew from
-    stays = without_bare_ends(shoots.parent, n_fixed, may_end)
+    place = smooth(shoots.position, shoots.parent, n_starts, ROUNDING)
+    stays = without_bare_ends(shoots.parent, n_fixed, volume.allows(place)[1])
     index, kept = np.cumsum(stays) - 1, shoots.parent[stays]
     return place[stays], np.where(kept < 0, -1, index[kept])
 
@@ -145,7 +148,8 @@ def _headings(
     ahead = shoots.heading[node]
     wish = _unit(total) + WANDER * rng.normal(size=total.shape) + [0.0, LIFT, 0.0]
     wish += np.where(side, 0.0, INERTIA)[:, None] * ahead
-    low, high = np.where(side, SIDE[0], 0.0), np.where(side, SIDE[1], BEND)
+    low = np.where(side, SIDE[0], 0.0)
+    high = np.where(side, SIDE[1], BEND)
     return turn_within(_unit(wish), ahead, low, high)
 
 
@@ -158,7 +162,7 @@ def turn_within(
     aside = wish - cosine[:, None] * axis
     spare = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 0, 1.0]]))
     aside = _unit(np.where(np.linalg.norm(aside, axis=1, keepdims=True) > 1e-6, aside, spare))
-    return np.cos(angle)[:, None] * axis + np.sin(angle)[:, None] * aside
+    return np.asarray(np.cos(angle)[:, None] * axis + np.sin(angle)[:, None] * aside)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -175,31 +179,13 @@ def _append(shoots: Shoots, node: NDArray[np.int64], tip: NDArray[np.float64], h
     shoots.bears = np.concatenate([shoots.bears, np.ones(len(node), bool)])
 
 
-def shoots_on(
-    position: NDArray[np.float64], parent: NDArray[np.int64], bears: NDArray[np.bool_], spacing: float
-) -> Shoots:
-    """The nodes of a tree (N,), and places between them on long segments, as starts of shoots.
-
-    A place on a segment is a node of its own that hangs on the segment's lower end; `bears` says
-    which nodes' segments may bear shoots.
-    """
-    step = np.zeros_like(position)
-    step[1:] = position[1:] - position[parent[1:]]
+def shoots_on(tree: Skeleton, bears: NDArray[np.bool_]) -> Shoots:
+    """The nodes of a tree as starts of shoots, those of them that bear (N,)."""
+    step = np.zeros_like(tree.position)
+    step[1:] = tree.position[1:] - tree.position[tree.parent[1:]]
     step[0] = [0.0, 1.0, 0.0]
-    length = np.linalg.norm(step, axis=1)
-    heading = _unit(step)
-    many = np.where(bears & (parent >= 0), np.ceil(length / spacing).astype(int) - 1, 0)
-    of = np.repeat(np.arange(len(parent)), many)
-    count = np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many) + 1
-    between = position[parent[of]] + (count / (many[of] + 1))[:, None] * step[of]
-    children = np.concatenate([n_children(parent), np.ones(len(of), np.int64)])
-    return Shoots(
-        np.concatenate([position, between]),
-        np.concatenate([parent, parent[of]]),
-        np.concatenate([heading, heading[of]]),
-        children,
-        np.concatenate([bears, np.ones(len(of), bool)]) & (children <= SIDES),
-    )
+    children = n_children(tree.parent)
+    return Shoots(tree.position, tree.parent, _unit(step), children, bears & (children <= SIDES))
 
 
 def smooth(position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int) -> NDArray[np.float64]:
