@@ -148,7 +148,9 @@ def named(drawables: list[Drawable], word: str) -> Drawable:
 
 def test_a_foreign_stage_in_centimetres_with_z_up(foreign: Path) -> None:
     drawables = read_drawables(foreign)
-    assert {d.name.split("/")[-1] for d in drawables} == {"needles", "leaf", "pentagon_and_triangle"}
+    shown = {"needles", "leaf", "pentagon_and_triangle", "not_turned_with_the_world"}
+    assert {d.name.split("/")[-1] for d in drawables} == shown
+    assert_allclose(named(drawables, "not_turned").transforms[0, :3, 3], [1, 0, 0], atol=1e-9)
     bush = [d for d in drawables if d.name.endswith("needles")]
     feet = np.concatenate([d.transforms[:, :3, 3] for d in bush])
     # cm, Z up, turned by 90 degrees about Z: (x, y, z) lies at (-y, z, -x) / 100
