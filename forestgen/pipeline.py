@@ -158,7 +158,7 @@ def build_scene(scene: Scene, out: Path, *, jobs: int = 1, on_progress: OnProgre
             write_forest(
                 forest,
                 {prim: folder / f"{prim}.usda" for prim, folder in folders.items()},
-                {prim: folder / f"{prim}_cameras.usda" for prim, folder in folders.items()},
+                {prim: folder / "cameras.usda" for prim, folder in folders.items()},
                 path,
                 scene.prim_name,
             )
