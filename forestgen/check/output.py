@@ -10,24 +10,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from forestgen.check import pictures
-from forestgen.check.reference import Provenance, read_provenance, read_views
-from forestgen.check.report import PictureFile, TreeReport, ViewReport, write_report
-from forestgen.check.score import Gates, ViewScore, count, make_gates, score_views
+from forestgen.check.album import Album, draw_portraits, view_report
+from forestgen.check.reference import read_provenance, read_views
+from forestgen.check.report import TreeReport, write_report
+from forestgen.check.score import Gates, count, make_gates, score_views
 from forestgen.errors import InputError
-from forestgen.render import Drawable, Studio, frame_camera
+from forestgen.render import Studio
 from forestgen.tree.skeleton import n_children
-from forestgen.tree.view import View
 
 OnTree = Callable[[str, int, int], None]
 """Called as (tree's name, trees done, trees in all)."""
 
 REPORT = "report"  # folder of the report's pictures, beside report.html
-PORTRAIT = (560, 640)  # px
-QUALITY = 86  # of the report's JPEGs
 
 
 @dataclass(frozen=True)
@@ -111,7 +107,7 @@ def check_tree(job: CheckJob) -> TreeReport:
             view_report(album, f"{index:02d}", view, score, provenance)
             for index, (view, score) in enumerate(zip(views, scores, strict=True))
         )
-        portraits = draw_portraits(album, studio, drawables, provenance)
+        portraits = draw_portraits(album, studio, drawables, provenance.name)
     is_tip = n_children(provenance.skeleton.parent) == 0
     return TreeReport(
         name=job.name,
@@ -138,82 +134,6 @@ def failed_report(entry: Mapping[str, Any], error: str) -> TreeReport:
         make_gates(entry.get("gates") or {}),
         error=error,
     )
-
-
-@dataclass(frozen=True)
-class Album:
-    """A folder that takes pictures, and the path by which report.html knows it."""
-
-    folder: Path
-    href: str
-
-    def add(self, name: str, picture: pictures.Picture, caption: str, alt: str) -> PictureFile:
-        """Write a picture as JPEG.
-
-        Raises:
-            OSError: it could not be written.
-        """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        fine, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-        if not fine:
-            raise OSError(f"{self.folder / name}.jpg: could not be encoded")
-        (self.folder / f"{name}.jpg").write_bytes(data.tobytes())
-        return PictureFile(f"{self.href}/{name}.jpg", caption, alt, (picture.shape[1], picture.shape[0]))
-
-
-def view_report(album: Album, key: str, view: View, score: ViewScore, provenance: Provenance) -> ViewReport:
-    """One view's row, with its pictures from the photo to the difference."""
-    frame = pictures.frame_view(view)
-    drawn = score.drawn
-    add = album.add
-    name = provenance.name
-    shown = (
-        add(f"{key}_photo", pictures.photo_picture(view, frame), "Photo", f"Photo of {name}"),
-        add(f"{key}_strokes", pictures.strokes_picture(view, frame), "Strokes", f"Strokes drawn over {name}"),
-        add(f"{key}_mattes", pictures.mattes_picture(view, frame), "Mattes", f"Foliage and branches found in {name}"),
-        add(f"{key}_trace", pictures.trace_picture(view, frame), "Traced branches", f"Visible branches of {name}"),
-        add(
-            f"{key}_skeleton",
-            pictures.skeleton_picture(provenance.skeleton, view.camera, frame),
-            "Skeleton",
-            f"Skeleton of {name}, coloured by branch order",
-        ),
-        add(
-            f"{key}_render",
-            pictures.render_picture(drawn.colour, drawn.is_tree, frame),
-            "Render from the photo's viewpoint, unlit",
-            f"Unlit render of {name} from where its photo was taken",
-        ),
-        add(
-            f"{key}_difference",
-            pictures.difference_picture(view.mattes.is_tree, drawn.is_tree, frame),
-            "Difference",
-            f"Difference of {name}: red is missing, blue is too much",
-        ),
-    )
-    return ViewReport(score.photo, float(score.azimuth), score.is_bare, score.scores, score.failed, shown)
-
-
-def draw_portraits(
-    album: Album, studio: Studio, drawables: list[Drawable], provenance: Provenance
-) -> tuple[PictureFile, ...]:
-    """Lit pictures from the front, the side, the back and above, and the skeleton from the side."""
-    sides = (("front", 0, 0), ("side", 90, 0), ("back", 180, 0), ("above", 0, 90))
-    shown = []
-    for key, azimuth, elevation in sides:
-        camera = frame_camera(
-            drawables, azimuth=np.radians(azimuth), elevation=np.radians(elevation), size=PORTRAIT, margin=0.07
-        )
-        foot = None if elevation else camera.root_px
-        picture = pictures.portrait_picture(studio.lit(camera), foot=foot)
-        words = f"From the {key}" if key != "above" else "From above"
-        shown.append(album.add(key, picture, words, f"{provenance.name}, lit, {words.lower()}"))
-        if key == "side":
-            frame = pictures.Frame(0, 0, *PORTRAIT, 1.0)
-            bones = pictures.skeleton_picture(provenance.skeleton, camera, frame)
-            alt = f"Skeleton of {provenance.name} from the side"
-            shown.append(album.add("side_skeleton", bones, "Skeleton from the side", alt))
-    return tuple(shown)
 
 
 @contextmanager

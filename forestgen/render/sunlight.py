@@ -12,7 +12,7 @@ from forestgen.camera import Camera
 from forestgen.render.drawable import Drawable, frame_camera
 
 FROM_VIEWER = (-0.55, 0.70, 0.60)  # towards the sun in the viewer's right, up and back: over the left shoulder
-MAP_PX = 768  # side of the shadow map
+MAP_PX = 512  # side of the shadow map
 NEAR, FAR = 1.0, 2.0  # what pyrender takes the clipping planes to be when it linearises depth
 
 
