@@ -1,0 +1,145 @@
+"""Whether a leaf projects into the foliage that the photos show, and which foliage is covered yet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from forestgen.tree.model import Atlas
+from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.view import View
+
+CHUNK = 400_000  # sample points looked up at a time: bounds the memory to some 30 MB
+THICK_PX = 0.7  # wood of at least this radius in the photo can hide a leaf behind it
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Leaves on trial. L leaves."""
+
+    position: NDArray[np.float64]  # (L, 3) m
+    rotation: NDArray[np.float64]  # (L, 3, 3) columns: where leaf space's axes go
+    size: NDArray[np.float64]  # (L,) m
+    prototype: NDArray[np.int64]  # (L,)
+
+    def __len__(self) -> int:
+        return len(self.size)
+
+    def take(self, pick: NDArray[np.bool_] | NDArray[np.int64]) -> Placement:
+        return Placement(self.position[pick], self.rotation[pick], self.size[pick], self.prototype[pick])
+
+
+def join(parts: Sequence[Placement]) -> Placement:
+    """All leaves of several placements."""
+    return Placement(
+        np.concatenate([p.position for p in parts]),
+        np.concatenate([p.rotation for p in parts]),
+        np.concatenate([p.size for p in parts]),
+        np.concatenate([p.prototype for p in parts]),
+    )
+
+
+def blade_samples(atlas: Atlas, count: int) -> NDArray[np.float64]:
+    """Points (P, count, 3) in leaf space, spread evenly over the opaque part of each prototype's blade.
+
+    Low-discrepancy, without chance: the same atlas gives the same points.
+    """
+    height, width = atlas.rgba.shape[:2]
+    raw = 4 * count
+    step = (np.arange(raw) + 0.5) / raw
+    r1, r2 = np.sqrt((np.arange(raw) * 0.7548776662) % 1.0), (np.arange(raw) * 0.5698402910) % 1.0
+    samples = np.empty((len(atlas.prototypes), count, 3))
+    for k, leaf in enumerate(atlas.prototypes):
+        corner = leaf.points[leaf.faces]
+        area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        face = np.searchsorted(np.cumsum(area) / area.sum(), step).clip(max=len(area) - 1)
+        weight = np.column_stack([1 - r1, r1 * (1 - r2), r1 * r2])
+        uv = np.einsum("sk,skc->sc", weight, leaf.uv[leaf.faces[face]])
+        column = (uv[:, 0] * width).astype(int).clip(0, width - 1)
+        row = ((1 - uv[:, 1]) * height).astype(int).clip(0, height - 1)
+        there = np.flatnonzero(atlas.rgba[row, column, 3] >= 128)
+        there = there if len(there) else np.arange(raw)
+        pick = there[np.linspace(0, len(there) - 1, count).round().astype(int)]
+        samples[k] = np.einsum("sk,skc->sc", weight[pick], corner[face[pick]])
+    return samples
+
+
+@dataclass(eq=False)
+class Target:
+    """One view's foliage as leaves see it: what may be covered, how deep wood lies, and what is covered."""
+
+    view: View
+    is_foliage: NDArray[np.bool_]  # (H, W)
+    wood_depth: NDArray[np.float32]  # (H, W) m towards the camera; -inf where no wood is seen
+    is_covered: NDArray[np.bool_] = field(init=False)  # (H, W)
+
+    def __post_init__(self) -> None:
+        self.is_covered = np.zeros(self.is_foliage.shape, bool)
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """Foliage that no leaf covers yet (H, W)."""
+        return self.is_foliage & ~self.is_covered
+
+
+def make_target(view: View, skeleton: Skeleton) -> Target:
+    """What a view asks of the leaves: foliage, and visible wood as deep as the nearest thick limb lies."""
+    depth = np.full(view.mattes.foliage.shape, -np.inf, np.float32)
+    is_wood = view.mattes.is_branch & ~view.mattes.is_foliage
+    radius_px = np.nan_to_num(skeleton.radius) * view.camera.px_per_metre
+    thick = radius_px >= THICK_PX
+    if is_wood.any() and thick.any():
+        row, column = np.nonzero(is_wood)
+        tree = cKDTree(view.camera.project(skeleton.position[thick]))
+        _, near = tree.query(np.column_stack([column + 0.5, row + 0.5]))
+        depth[row, column] = (view.camera.depth(skeleton.position[thick]) - skeleton.radius[thick])[near]
+    return Target(view, view.mattes.is_foliage, depth)
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """Where leaves fall in a view: as shares of each leaf (L,), and its pixels (L, S) as flat indices."""
+
+    inside: NDArray[np.float64]  # over foliage, or hidden behind wood
+    gain: NDArray[np.float64]  # over foliage that was open
+    pixel: NDArray[np.int64]  # (L, S); -1 outside the frame
+
+
+def footprint(target: Target, leaves: Placement, samples: NDArray[np.float64]) -> Footprint:
+    """Look leaves up in a view. The projection of one leaf is taken as affine: exact without a focal length."""
+    camera = target.view.camera
+    height, width = target.is_foliage.shape
+    n, per = len(leaves), samples.shape[1]
+    axis = leaves.rotation * leaves.size[:, None, None]
+    ends = leaves.position[:, None] + np.swapaxes(axis, 1, 2)
+    base = camera.project(leaves.position)
+    step = camera.project(ends.reshape(-1, 3)).reshape(n, 3, 2) - base[:, None]
+    toward = np.einsum("lik,i->lk", axis, camera.axes[2])
+    depth = camera.depth(leaves.position)
+    inside, gain = np.zeros(n), np.zeros(n)
+    pixel = np.empty((n, per), np.int64)
+    foliage, is_open, wood = target.is_foliage.ravel(), target.open.ravel(), target.wood_depth.ravel()
+    rows = max(1, CHUNK // per)
+    for a in range(0, n, rows):
+        part = slice(a, a + rows)
+        local = samples[leaves.prototype[part]]
+        xy = np.matmul(local, step[part]) + base[part, None]
+        column, row = np.floor(xy[..., 0]).astype(np.int64), np.floor(xy[..., 1]).astype(np.int64)
+        framed = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        flat = np.where(framed, row * width + column, 0)
+        far = np.matmul(local, toward[part][..., None])[..., 0] + depth[part, None]
+        good = framed & (foliage[flat] | (far < wood[flat]))
+        inside[part] = good.mean(axis=1)
+        gain[part] = (framed & is_open[flat]).mean(axis=1)
+        pixel[part] = np.where(framed, flat, -1)
+    return Footprint(inside, gain, pixel)
+
+
+def cover(target: Target, pixel: NDArray[np.int64]) -> None:
+    """Note the pixels (L, S) of kept leaves as covered."""
+    flat = pixel.ravel()
+    target.is_covered.ravel()[flat[flat >= 0]] = True
