@@ -94,7 +94,9 @@ def checked(model: type[AnyTable], data: object, where: str) -> AnyTable:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        first, *others = error.errors(include_url=False, include_context=False)
+        faults = error.errors(include_url=False, include_context=False)
+        # A key that is spelled wrong is both unknown and missing: the former says more.
+        first, *others = sorted(faults, key=lambda fault: fault["type"] != "extra_forbidden")
         raise InputError(f"{where}: {_complaint(model, data, first)}{_and_more(len(others))}") from None
 
 
@@ -105,7 +107,7 @@ def _complaint(model: type[Table], data: object, error: Any) -> str:
         owner, _ = _described(model, loc[:-1])
         place = key_path(loc[:-1], data)
         lead = f"{place}: " if place else ""
-        return f"{lead}unknown key {quoted(str(loc[-1]))}; {suggestion(str(loc[-1]), _keys(owner))}"
+        return f"{lead}unknown key {quoted(str(loc[-1]))}; {_better_key(owner, str(loc[-1]))}"
     place = key_path(loc, data)
     if error["type"] == "missing":
         return f"{place} is missing: expected {expected}"
@@ -121,6 +123,15 @@ def _described(model: type[Table], loc: tuple[int | str, ...]) -> tuple[type[Tab
             expected = field.description or expected
             owner = _table_in(field.annotation) or owner
     return owner, expected
+
+
+def _better_key(owner: type[Table], key: str) -> str:
+    """What to write instead of an unknown key: it may be known one table further in."""
+    for name, field in _keys(owner).items():
+        table = _table_in(field.annotation)
+        if table and key in _keys(table):
+            return f"it belongs in the table {quoted(str(name))}"
+    return suggestion(key, _keys(owner))
 
 
 def _keys(model: type[Table]) -> dict[int | str, FieldInfo]:

@@ -18,10 +18,10 @@ from forestgen.arrays import freeze
 from forestgen.errors import InputError
 from forestgen.reading import Table, checked
 from forestgen.tree.outline import distance_to_region
+from forestgen.tree.photo import MAX_PIXELS
 from forestgen.tree.stroke_import import read_stroke_set
 
 VERSION = 1
-MAX_PIXELS = 100_000_000  # as for photos
 OVERSHOOT = 0.02  # share of the photo's longer side by which a stroke may leave it; it is drawn back to the edge
 TRUNK_GAP = 0.05  # share of the crown's height that may lie between the trunk stroke and the crown
 

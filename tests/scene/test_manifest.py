@@ -233,6 +233,12 @@ REFUSED: dict[str, tuple[str, str]] = {
     "tree method": (with_tree('method = "x"'), r"tree\[1\] 'plane_01': unknown method 'x'"),
     "unknown key": (with_tree("heigth = 3"), r"tree\[1\] 'plane_01': unknown key 'heigth'; did you mean 'height'\?"),
     "unknown far key": (with_tree("zz = 3"), r"tree\[1\] 'plane_01': unknown key 'zz'; known: name, height, photo"),
+    "view's key": (
+        with_tree("focal_px = 1400"),
+        r"'plane_01': unknown key 'focal_px'; it belongs in the table 'view'",
+    ),
+    "misspelled": (with_tree("heigth = 3", "height"), r"unknown key 'heigth'; did you mean 'height'\? \(and 1 more"),
+    "scene's key": ('name = "street"\n' + TREE, r"unknown key 'name'; it belongs in the table 'scene'"),
     "height missing": (with_tree("", "height"), r"tree\[1\] 'plane_01': height is missing: expected metres"),
     "height text": (with_tree('height = "tall"', "height"), r"height: expected metres from the root .* came 'tall'"),
     "height zero": (with_tree("height = 0", "height"), "height: expected .* came 0"),
