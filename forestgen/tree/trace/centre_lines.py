@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from forestgen.tree.branch_paths import cut_into_paths
-from forestgen.tree.skeleton import n_children
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,13 @@ def centre_lines(
     parent: NDArray[np.int64],
     width: NDArray[np.float64],
     is_hidden: NDArray[np.bool_],
+    trust: NDArray[np.float64],
     smooth_px: float,
 ) -> list[CentreLine]:
     """Smooth branches, parents first, of a tree of pixels with nodes at xy (N, 2) and half widths (N,).
+
+    `trust` (N,) says how much a node's place counts: leaves that cover a limb's side push its
+    medial line aside.
 
     Within the width of its parent a branch's medial line is an accident of thinning; it is
     replaced by the straight continuation of the branch back to the parent's own line.
@@ -70,11 +74,12 @@ def centre_lines(
         start = np.empty((0, 2)) if branch == 0 else lines[above].xy[[foot]]
         points = fill_gaps(np.concatenate([start, xy[nodes]]))
         hidden = np.append(np.zeros(len(points) - len(nodes), bool), is_hidden[nodes])
+        weight = np.append(np.ones(len(points) - len(nodes)), trust[nodes])
         sigma = np.clip(0.5 * float(np.median(width[nodes])), smooth_px, 4 * smooth_px)
         index[branch] = len(lines)
         within[paths.nodes[branch]] = np.maximum(len(points) - len(nodes) - len(paths.nodes[branch]) + len(nodes), 0)
         within[nodes] = np.arange(len(points) - len(nodes), len(points))
-        lines.append(CentreLine(smooth_line(points, float(sigma)), hidden, above, foot))
+        lines.append(CentreLine(smooth_line(points, weight, float(sigma)), hidden, above, foot))
     return lines
 
 
@@ -97,14 +102,17 @@ def _natural_foot(line: NDArray[np.float64], foot: int, branch: NDArray[np.float
     return int(window[np.argmax(straight)])
 
 
-def smooth_line(points: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """A polyline (K, 2), a point a pixel, smoothed with a Gaussian of sigma px; both ends stay."""
+def smooth_line(points: NDArray[np.float64], weight: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """A polyline (K, 2), a point a pixel, smoothed with a Gaussian of sigma px and weights (K,); both ends stay."""
     if len(points) < 3:
         return points
     pad = min(len(points) - 1, int(4 * sigma))
     front = 2 * points[0] - points[pad:0:-1]
     back = 2 * points[-1] - points[-2 : -pad - 2 : -1]
-    smooth = gaussian_filter1d(np.concatenate([front, points, back]), sigma, axis=0)[pad : pad + len(points)]
+    padded = np.pad(weight, pad, mode="reflect")[:, None]
+    total = gaussian_filter1d(padded, sigma, axis=0)
+    smooth = gaussian_filter1d(np.concatenate([front, points, back]) * padded, sigma, axis=0) / total
+    smooth = smooth[pad : pad + len(points)]
     smooth[0], smooth[-1] = points[0], points[-1]
     return np.asarray(smooth)
 
@@ -113,7 +121,7 @@ def knots_of(line: CentreLine, feet: list[int], off_px: float, longest_px: float
     """Indices of the points of a line that become nodes: the ends, the feet of its branches, and
     as many as keep the polyline within `off_px` of the line and its edges below `longest_px`."""
     keep = sorted({0, len(line.xy) - 1, *feet})
-    stack = list(zip(keep[:-1], keep[1:], strict=True))
+    stack = list(pairwise(keep))
     knots = set(keep)
     while stack:
         a, b = stack.pop()
@@ -132,8 +140,3 @@ def knots_of(line: CentreLine, feet: list[int], off_px: float, longest_px: float
         knots.add(middle)
         stack += [(a, middle), (middle, b)]
     return np.array(sorted(knots))
-
-
-def is_tip(parent: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Nodes (N,) without a child."""
-    return n_children(parent) == 0

@@ -32,6 +32,7 @@ class FreeEnds:
     piece: list[int]
     side: list[int]
     component: NDArray[np.int64]  # (E,)
+    index: dict[tuple[int, int], int]  # (piece, side) -> end
 
 
 def free_ends(network: WoodNetwork, view_px: float, least_px: float) -> FreeEnds:
@@ -44,7 +45,14 @@ def free_ends(network: WoodNetwork, view_px: float, least_px: float) -> FreeEnds
         into = points[min(int(view_px), len(points) - 1)] - points[0]
         xy[index], inward[index] = points[0], into / max(np.hypot(*into), 1e-9)
     pieces = [piece for piece, _ in where]
-    return FreeEnds(xy, inward, pieces, [side for _, side in where], network.component[pieces].astype(np.int64))
+    return FreeEnds(
+        xy,
+        inward,
+        pieces,
+        [side for _, side in where],
+        network.component[pieces].astype(np.int64),
+        {key: i for i, key in enumerate(where)},
+    )
 
 
 def best_links(
@@ -56,7 +64,7 @@ def best_links(
     rules: LinkRules,
     turn_px: float,
 ) -> list[tuple[float, int, int, NDArray[np.float64]]]:
-    """The cheapest link to each wanted end that has one: (price, end, place, curve (C, 2) px).
+    """The cheapest link to each wanted end that has one: (price, end, place, direction (2,) of leaving).
 
     Links leave places (S, 2) px of the tree, which arrives there in directions (S, 2).
     """
@@ -66,25 +74,20 @@ def best_links(
     heading = directions / np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
     fork = (way * heading[:, None]).sum(axis=2)
     bend = (way * ends.inward[wanted][None]).sum(axis=2)
-    place, end = np.nonzero((apart < rules.longest_px) & (fork > -0.2) & (bend > 0.2))
+    place, end = np.nonzero((apart > 0) & (apart < rules.longest_px) & (fork > -0.2) & (bend > 0.2))
     if not len(place):
         return []
     gap, heading = apart[place, end], heading[place]
     price = rules.price * gap + turn_px * ((1 - fork[place, end]) ** 2 + 2 * (1 - bend[place, end]) ** 2)
     cheapest = np.lexsort((price, end))
     first = cheapest[np.r_[True, np.diff(end[cheapest]) > 0]]
-    found = []
-    for index in first:  # only the cheapest of each end is looked at in the photo
-        target = int(wanted[end[index]])
-        curve = hermite(places[place[index]], ends.xy[target], heading[index], ends.inward[target])
-        column, row = np.clip(curve.astype(np.int64), 0, np.array(is_covered.shape[::-1]) - 1).T
-        is_open = ~is_covered[row, column]
-        if is_open.mean() <= rules.most_open:
-            cost = float(price[index] + 4 * rules.price * gap[index] * is_open.mean())
-            steps = max(2, int(gap[index] / 2))
-            fine = hermite(places[place[index]], ends.xy[target], heading[index], ends.inward[target], steps)
-            found.append((cost, target, int(place[index]), fine[1:-1]))
-    return found
+    start, target = place[first], wanted[end[first]]  # only the cheapest of each end is looked at in the photo
+    courses = hermite(places[start], ends.xy[target], heading[first], ends.inward[target], CURVE)
+    column, row = np.clip(courses.astype(np.int64), 0, np.array(is_covered.shape[::-1]) - 1).T
+    is_open = 1 - is_covered[row, column].mean(axis=0)
+    cost = price[first] + 4 * rules.price * gap[first] * is_open
+    fits = np.flatnonzero(is_open <= rules.most_open)
+    return [(float(cost[i]), int(target[i]), int(start[i]), heading[first[i]]) for i in fits]
 
 
 def hermite(
@@ -92,17 +95,25 @@ def hermite(
     end: NDArray[np.float64],
     leaving: NDArray[np.float64],
     arriving: NDArray[np.float64],
-    n: int = CURVE,
+    n: int,
 ) -> NDArray[np.float64]:
-    """Points (n, 2) of the cubic from start to end; it leaves half in the given direction, half straight."""
-    gap = float(np.hypot(*(end - start)))
-    straight = (end - start) / max(gap, 1e-9)
+    """Points (L, n, 2) of L cubics from start to end (L, 2); they leave half in the given direction, half straight."""
+    across = end - start
+    gap = np.hypot(across[:, 0], across[:, 1])[:, None]
+    straight = across / np.maximum(gap, 1e-9)
     t = np.linspace(0, 1, n)[:, None]
-    out = gap * (straight + leaving) / 2
-    into = gap * (straight + arriving) / 2
+    out, into = (gap * (straight + leaving) / 2)[:, None], (gap * (straight + arriving) / 2)[:, None]
     return np.asarray(
-        (2 * t**3 - 3 * t**2 + 1) * start
+        (2 * t**3 - 3 * t**2 + 1) * start[:, None]
         + (t**3 - 2 * t**2 + t) * out
-        + (-2 * t**3 + 3 * t**2) * end
+        + (-2 * t**3 + 3 * t**2) * end[:, None]
         + (t**3 - t**2) * into
     )
+
+
+def link_course(
+    start: NDArray[np.float64], end: NDArray[np.float64], leaving: NDArray[np.float64], arriving: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Points (C, 2) between the ends of one link, about 2 px apart; none where the ends are neighbours."""
+    n = max(2, int(np.hypot(*(end - start)) / 2))
+    return hermite(start[None], end[None], leaving[None], arriving[None], n)[0, 1:-1]

@@ -16,16 +16,17 @@ def edge_distance(wood: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.asarray(np.maximum(distance - 0.5, 0) * wood, dtype=np.float32)
 
 
+def at_points(image: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (K,) of an image (H, W) in the pixels of points (K, 2); the nearest pixel's outside."""
+    column, row = points.astype(np.int64).T
+    height, width = image.shape
+    return image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(np.float64)
+
+
 def raw_half_width(distance: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest distance (K,) within a pixel of each point (K, 2); 0 where there is no wood."""
-    column, row = points.astype(np.int64).T
-    height, width = distance.shape
-    best = np.zeros(len(points))
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            y, x = np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)
-            best = np.maximum(best, distance[y, x])
-    return best
+    steps = [np.array([dx, dy]) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
+    return np.asarray(np.max([at_points(distance, points + step) for step in steps], axis=0))
 
 
 def side_weights(

@@ -14,7 +14,8 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.trace.gap_links import FreeEnds, LinkRules, best_links, free_ends
+from forestgen.tree.trace.gap_links import FreeEnds, LinkRules, best_links, free_ends, link_course
+from forestgen.tree.trace.half_width import at_points
 from forestgen.tree.trace.wood_network import WoodNetwork
 
 
@@ -73,8 +74,8 @@ def span(
     tree = PixelTree()
     tree.extend(root[None], -1, False)
     price = [_piece_price(points, is_stroke, prices.on_stroke) for points in network.points]
-    width = [float(np.median(_at(distance, points))) for points in network.points]
-    ends = free_ends(network, prices.view_px, prices.links.least_piece_px)
+    width = [float(np.median(at_points(distance, points))) for points in network.points]
+    free = free_ends(network, prices.view_px, prices.links.least_piece_px)
     queue: list[tuple[float, int, int, int, int, NDArray[np.float64] | None]] = [(0.0, 0, *start, 0, None)]
     entered = np.zeros(len(network), bool)
     passed = np.zeros(len(network.pieces_at), bool)
@@ -87,9 +88,12 @@ def span(
         if entered[piece] or (link is not None and found[network.component[piece]]):
             continue
         entered[piece] = found[network.component[piece]] = True
-        if link is not None:
-            foot = tree.extend(link, foot, True)
         points = network.points[piece][:: 1 if side == 0 else -1]
+        behind = len(tree.xy)
+        if link is not None:
+            target = network.points[piece][0 if side == 0 else -1]
+            into = free.inward[free.index[piece, side]]
+            foot = tree.extend(link_course(np.array(tree.xy[foot]), target, link, into), foot, True)
         first = len(tree.xy)
         node = last_node[piece] = tree.extend(points, foot, False)
         cost += price[piece]
@@ -106,9 +110,9 @@ def span(
                     pushed += 1
                     onward_cost = cost + turning + prices.turn_px * wider
                     heappush(queue, (onward_cost, pushed, onward, entry, node, None))
-        for link_cost, end, at, curve in _links(tree, first, node, piece, ends, found, network, is_covered, prices):
+        for link_cost, end, at, heading in _links(tree, behind, node, free, found, is_covered, prices):
             pushed += 1
-            heappush(queue, (cost + link_cost, pushed, ends.piece[end], ends.side[end], at, curve))
+            heappush(queue, (cost + link_cost, pushed, free.piece[end], free.side[end], at, heading))
     return without_rings(tree, closes, last_node)
 
 
@@ -116,14 +120,12 @@ def _links(
     tree: PixelTree,
     first: int,
     last: int,
-    piece: int,
     ends: FreeEnds,
     found: NDArray[np.bool_],
-    network: WoodNetwork,
     is_covered: NDArray[np.bool_],
     prices: WayPrices,
 ) -> list[tuple[float, int, int, NDArray[np.float64]]]:
-    """Links from a piece just entered to the free ends of parts not yet found: (price, end, node, curve)."""
+    """Links from a piece just entered to the free ends of parts not yet found: (price, end, node, direction)."""
     wanted = np.flatnonzero(~found[ends.component]) if len(ends.piece) else np.empty(0, np.int64)
     if not len(wanted):
         return []
@@ -132,12 +134,7 @@ def _links(
     places = np.array([tree.xy[node] for node in nodes])
     directions = np.array([tree.arriving(int(node), prices.view_px) for node in nodes])
     chosen = best_links(places, directions, ends, wanted, is_covered, prices.links, prices.turn_px)
-    return [(cost, end, int(nodes[place]), curve) for cost, end, place, curve in chosen]
-
-
-def _at(array: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float32]:
-    column, row = points.astype(np.int64).T
-    return array[row, column]
+    return [(cost, end, int(nodes[place]), heading) for cost, end, place, heading in chosen]
 
 
 def _piece_price(points: NDArray[np.float64], is_stroke: NDArray[np.bool_], on_stroke: float) -> float:

@@ -16,7 +16,7 @@ from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes, draw_polyline
 from forestgen.tree.trace.centre_lines import CentreLine, centre_lines, knots_of, without_twiglets
 from forestgen.tree.trace.gap_links import LinkRules
-from forestgen.tree.trace.half_width import edge_distance, falling_fit, raw_half_width, side_weights
+from forestgen.tree.trace.half_width import at_points, edge_distance, falling_fit, raw_half_width, side_weights
 from forestgen.tree.trace.network_tree import WayPrices, span
 from forestgen.tree.trace.stroke_routes import route_stroke
 from forestgen.tree.trace.wood_network import WoodNetwork, wood_network
@@ -58,9 +58,9 @@ class SmoothPaths(Strategy):
     hidden: float = 2.5  # price of a hidden length
     longest_link: float = 0.16  # a branch is hidden behind leaves for at most this length
     most_open: float = 0.15  # of a link may lie before open background
-    smooth: float = 0.002  # sigma along a branch; wider wood is smoothed more
+    smooth: float = 0.004  # sigma along a branch; wider wood is smoothed more
     off_line: float = 0.0007  # a polyline's greatest distance from its smooth line
-    longest_edge: float = 0.03  # between two nodes
+    longest_edge: float = 0.04  # between two nodes
 
     def __call__(self, photo: Photo, strokes: Strokes, mattes: Mattes, *, rng: np.random.Generator) -> BranchGraph:
         return self.trace(self.prepare(mattes, strokes), strokes)
@@ -78,8 +78,8 @@ class SmoothPaths(Strategy):
         size = (model.wood.shape[1], model.wood.shape[0])
         for path in strokes.branches:
             is_stroke |= draw_polyline(route_stroke(path, model.distance, max(self.slide * tall, 2)), size)
-        ground, wood = root_cut(model, is_stroke, strokes.branches[0])
-        network = wood_network(wood, model.distance)
+        start, foot = trunk_foot(model, strokes.branches[0])
+        network = wood_network(model.wood | is_stroke, model.distance, foot)
         prices = WayPrices(
             turn_px=self.turn * tall,
             view_px=max(self.view * tall, 6),
@@ -95,7 +95,7 @@ class SmoothPaths(Strategy):
         tree = span(
             network,
             strokes.root,
-            nearest_end(network, ground),
+            nearest_end(network, start),
             distance=model.distance,
             is_stroke=cv2.dilate(is_stroke.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0,
             is_covered=model.is_covered,
@@ -107,8 +107,9 @@ class SmoothPaths(Strategy):
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])
-        lines = centre_lines(xy[kept], above, width[kept], hidden[kept], max(self.smooth * tall, 1))
-        return assemble(lines, model, off_px=max(self.off_line * tall, 0.4), longest_px=self.longest_edge * tall)
+        trust = 1 / (1 + 20 * at_points(cv2.blur(model.is_foliage.astype(np.float32), (9, 9)), xy[kept]))
+        lines = centre_lines(xy[kept], above, width[kept], hidden[kept], trust, max(self.smooth * tall, 1.5))
+        return assemble(lines, model, off_px=max(self.off_line * tall, 0.6), longest_px=self.longest_edge * tall)
 
 
 def drawn_height(strokes: Strokes) -> float:
@@ -129,23 +130,17 @@ def without_specks(wood: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
     return np.asarray(kept | pinhole[label])
 
 
-def root_cut(
-    model: WoodModel, is_stroke: NDArray[np.bool_], trunk: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Wood and strokes (H, W) without a disc about the root, and the point (2,) where the trunk leaves that disc.
-
-    The medial line of a trunk forks into the corners of its foot: the disc takes them away.
-    """
+def trunk_foot(model: WoodModel, trunk: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A disc (H, W) about the root, wider than the trunk, and the point (2,) px where the trunk leaves it."""
     root = trunk[0]
     length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(trunk, axis=0).T))])
     at = np.linspace(0, length[-1] / 3, 40)
     early = np.column_stack([np.interp(at, length, trunk[:, 0]), np.interp(at, length, trunk[:, 1])])
-    radius = 1.6 * float(np.median(raw_half_width(model.distance, early))) + 3
-    radius = min(radius, length[-1] / 3)
+    radius = min(1.6 * float(np.median(raw_half_width(model.distance, early))) + 3, length[-1] / 3)
     row, column = np.indices(model.wood.shape, sparse=True)
-    away = (column + 0.5 - root[0]) ** 2 + (row + 0.5 - root[1]) ** 2 > radius**2
+    disc = (column + 0.5 - root[0]) ** 2 + (row + 0.5 - root[1]) ** 2 <= radius**2
     leave = np.array([np.interp(radius, length, trunk[:, 0]), np.interp(radius, length, trunk[:, 1])])
-    return leave, (model.wood | is_stroke) & away
+    return leave, np.asarray(disc)
 
 
 def nearest_end(network: WoodNetwork, point: NDArray[np.float64]) -> tuple[int, int]:
@@ -191,7 +186,12 @@ def line_radius(line: CentreLine, model: WoodModel, most: float) -> NDArray[np.f
     result = np.full(len(half), np.nan)
     if seen.any():
         weight = side_weights(line.xy, half, model.is_foliage)
+        if line.parent < 0:  # at the foot the wood ends below, and its edge there is nearer than its sides
+            weight[np.hypot(*(line.xy - line.xy[0]).T) < 1.5 * np.median(half[seen])] = 1e-3
         result[seen] = np.minimum(falling_fit(half[seen], weight[seen]), most)
+        if line.parent < 0:
+            first = int(np.argmax(seen))
+            result[:first] = result[first]  # the root's own pixel may lie a little off the wood
     return result
 
 

@@ -23,13 +23,20 @@ class WoodNetwork:
         return len(self.points)
 
 
-def wood_network(wood: NDArray[np.bool_], distance: NDArray[np.float32]) -> WoodNetwork:
+def wood_network(wood: NDArray[np.bool_], distance: NDArray[np.float32], foot: NDArray[np.bool_]) -> WoodNetwork:
     """The network of a mask of wood (H, W); `distance` is each pixel's distance to the mask's edge.
 
     Spurs, free pieces that do not reach beyond the width of the wood they stand on, are dropped:
-    thinning makes them at every unevenness of a limb's edge.
+    thinning makes them at every unevenness of a limb's edge. The medial line of a trunk forks into
+    the corners of its foot, so that pixels of `foot` (H, W) are left out.
     """
-    thin = cv2.ximgproc.thinning(wood.astype(np.uint8) * 255, thinningType=cv2.ximgproc.THINNING_GUOHALL) > 0
+    row, column = np.flatnonzero(wood.any(axis=1)), np.flatnonzero(wood.any(axis=0))
+    if not len(row):
+        return cut_at_junctions(wood)
+    tight = np.s_[max(row[0] - 1, 0) : row[-1] + 2, max(column[0] - 1, 0) : column[-1] + 2]  # thinning costs by area
+    thin = np.zeros(wood.shape, bool)
+    thin[tight] = cv2.ximgproc.thinning(wood[tight].astype(np.uint8) * 255, thinningType=cv2.ximgproc.THINNING_GUOHALL)
+    thin &= ~foot
     for _ in range(2):  # a spur may stand on a spur
         network = cut_at_junctions(thin)
         spurs = [piece for piece in range(len(network)) if _is_spur(network, piece, distance)]
@@ -37,9 +44,9 @@ def wood_network(wood: NDArray[np.bool_], distance: NDArray[np.float32]) -> Wood
             break
         pixels = np.concatenate([network.points[piece] for piece in spurs]).astype(int)
         thin[pixels[:, 1], pixels[:, 0]] = False
-        again = cv2.ximgproc.thinning(thin.astype(np.uint8) * 255, thinningType=cv2.ximgproc.THINNING_GUOHALL)
-        thin = again > 0
-    return cut_at_junctions(thin)
+    else:
+        network = cut_at_junctions(thin)
+    return network
 
 
 def _is_spur(network: WoodNetwork, piece: int, distance: NDArray[np.float32]) -> bool:
@@ -109,8 +116,8 @@ def _in_order(x: list[int], y: list[int]) -> list[tuple[int, int]]:
 def _end_junctions(path: list[tuple[int, int]], padded: NDArray[np.int32]) -> tuple[int, int]:
     """Junctions beside the first and the last pixel of a piece, -1 where there is none."""
     (x0, y0), (x1, y1) = path[0], path[-1]
-    first, last = np.unique(padded[y0 : y0 + 3, x0 : x0 + 3]), np.unique(padded[y1 : y1 + 3, x1 : x1 + 3])
-    first, last = first[first > 0], last[last > 0]
+    first = sorted(set(padded[y0 : y0 + 3, x0 : x0 + 3].ravel().tolist()) - {0})
+    last = sorted(set(padded[y1 : y1 + 3, x1 : x1 + 3].ravel().tolist()) - {0})
     if len(path) == 1:  # one pixel between two junctions
-        return (int(first[0]) - 1 if len(first) else -1, int(first[1]) - 1 if len(first) > 1 else -1)
-    return (int(first[0]) - 1 if len(first) else -1, int(last[0]) - 1 if len(last) else -1)
+        return (first[0] - 1 if first else -1, first[1] - 1 if len(first) > 1 else -1)
+    return (first[0] - 1 if first else -1, last[0] - 1 if last else -1)
