@@ -1,10 +1,10 @@
-"""Check an output folder: read each tree back from its written stage, score it, draw it, report."""
+"""The check of an output folder, tree by tree: read the written stage back, score it, draw it."""
 
 from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +14,11 @@ import numpy as np
 
 from forestgen.check.album import Album, draw_portraits, view_report
 from forestgen.check.reference import read_provenance, read_views
-from forestgen.check.report import TreeReport, write_report
+from forestgen.check.report import TreeReport
 from forestgen.check.score import Gates, count, make_gates, score_views
 from forestgen.errors import InputError
 from forestgen.render import Studio
 from forestgen.tree.skeleton import n_children
-
-OnTree = Callable[[str, int, int], None]
-"""Called as (tree's name, trees done, trees in all)."""
 
 REPORT = "report"  # folder of the report's pictures, beside report.html
 
@@ -35,31 +32,6 @@ class CheckJob:
     prim_name: str
     gates: Gates
     pictures: Path  # folder to write the pictures to; the report will know it as report/<prim name>
-
-
-def check_output(out: Path, on_step: OnTree | None = None) -> dict[str, Any]:
-    """Score all trees of a folder that a build wrote, and write report.json and report.html anew.
-
-    Returns the content of report.json. The old report stays until the new one is whole.
-
-    Raises:
-        InputError: this is no output folder, or something in it is missing or broken.
-        RenderError: no OpenGL to render with.
-    """
-    build = read_build(out)
-    trees: list[TreeReport] = []
-    entries = build["trees"]
-    with replacing_pictures(out) as folder:
-        for done, entry in enumerate(entries):
-            if on_step is not None:
-                on_step(str(entry["name"]), done, len(entries))
-            if error := entry.get("error"):
-                trees.append(failed_report(entry, str(error)))
-            else:
-                trees.append(check_tree(check_job(out, entry, folder)))
-        if on_step is not None:
-            on_step("", len(entries), len(entries))
-    return write_report(out, str(build["scene"]), trees)
 
 
 def read_build(out: Path) -> dict[str, Any]:

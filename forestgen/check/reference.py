@@ -167,7 +167,7 @@ def read_provenance(folder: Path) -> Provenance:
     """
     kept = _read_json(folder / "provenance.json")
     try:
-        with np.load(folder / "skeleton.npz", allow_pickle=False) as arrays:
+        with (folder / "skeleton.npz").open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             skeleton = Skeleton(arrays["position"], arrays["parent"], arrays["radius"])
         return Provenance(
             name=kept["name"],

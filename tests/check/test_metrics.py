@@ -194,7 +194,7 @@ def test_branch_chamfer_with_nothing_on_one_side():
     everywhere = np.ones((100, 60), bool)
     assert metrics.branch_chamfer(TRUNK, everywhere, NONE, everywhere, 80.0) == 0  # nothing to disagree about
     assert metrics.branch_chamfer(TRUNK, NONE, NONE, NONE, 80.0) == 1  # a trunk that is not there
-    outside = TRUNK + [500, 0]
+    outside = TRUNK + np.array([500.0, 0.0])
     assert metrics.branch_chamfer(outside, NONE, NONE, NONE, 80.0) == 0
 
 
