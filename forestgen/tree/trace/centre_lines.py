@@ -79,7 +79,8 @@ def centre_lines(
         index[branch] = len(lines)
         within[paths.nodes[branch]] = np.maximum(len(points) - len(nodes) - len(paths.nodes[branch]) + len(nodes), 0)
         within[nodes] = np.arange(len(points) - len(nodes), len(points))
-        lines.append(CentreLine(smooth_line(points, weight, float(sigma)), hidden, above, foot))
+        line = straight_tip(smooth_line(points, weight, float(sigma)), int(1.5 * width[nodes[-1]]) + 3)
+        lines.append(CentreLine(line, hidden, above, foot))
     return lines
 
 
@@ -94,7 +95,7 @@ def fill_gaps(points: NDArray[np.float64], step: float = 1.5) -> NDArray[np.floa
 
 def _natural_foot(line: NDArray[np.float64], foot: int, branch: NDArray[np.float64], width: float) -> int:
     """The point of the parent's line from which the branch goes on straightest, near where thinning put it."""
-    window = np.arange(max(0, foot - int(3 * width) - 2), min(len(line), foot + int(width) + 1))
+    window = np.arange(max(0, foot - int(1.5 * width) - 2), min(len(line), foot + int(width) + 1))
     window = window if len(window) else np.array([min(foot, len(line) - 1)])
     ahead = branch[min(int(2 * width) + 6, len(branch) - 1)] - branch[0]
     toward = branch[0] - line[window]
@@ -115,6 +116,15 @@ def smooth_line(points: NDArray[np.float64], weight: NDArray[np.float64], sigma:
     smooth = smooth[pad : pad + len(points)]
     smooth[0], smooth[-1] = points[0], points[-1]
     return np.asarray(smooth)
+
+
+def straight_tip(line: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+    """A line (K, 2) whose last n points go straight on: thinning bends a limb's end into a corner."""
+    if len(line) < 4 * n:
+        return line
+    step = (line[-n - 1] - line[-3 * n]) / (2 * n - 1)
+    tail = line[-n - 1] + np.arange(1, n + 1)[:, None] * step
+    return np.concatenate([line[:-n], tail])
 
 
 def knots_of(line: CentreLine, feet: list[int], off_px: float, longest_px: float) -> NDArray[np.int64]:

@@ -17,6 +17,7 @@ from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes, draw_polyline, fill_outline
 from forestgen.tree.trace.branch_colours import fit_branch_colours
 from forestgen.tree.trace.drafting import Draft
+from forestgen.tree.trace.polylines import resample
 from forestgen.tree.trace.simplify import simplify
 
 FULL_SIZE = 1500  # px of a photo's longer side for which the paper states its circle (sec. 2)
@@ -101,14 +102,6 @@ def trace_stroke(models: TraceModels, draft: Draft, path: NDArray[np.float64], s
                 continue
             if is_straight_line(models.is_branch, centre, point):
                 centres.append(draft.add(point, node))
-
-
-def resample(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Points (S, 2) along a polyline, `step` px apart, its start and its end among them."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    n = max(1, round(length[-1] / step))
-    at = np.linspace(0, length[-1], n + 1)
-    return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])
 
 
 def circle_points(centre: NDArray[np.float64], radius: float) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ class LinkRules:
 
     longest_px: float
     least_piece_px: float  # shorter visible parts are noise, not worth a link
-    price: float  # of a hidden pixel
+    price: float  # of a hidden pixel in a short link; in the longest it counts double
     most_open: float  # share of the link that may lie before open background
     every_px: float  # places on the tree between which a link may leave
 
@@ -32,11 +32,12 @@ class FreeEnds:
     piece: list[int]
     side: list[int]
     component: NDArray[np.int64]  # (E,)
+    homeward: NDArray[np.float64]  # (E,) in [0, 1]: entered here, the piece would grow towards the trunk
     index: dict[tuple[int, int], int]  # (piece, side) -> end
 
 
-def free_ends(network: WoodNetwork, view_px: float, least_px: float) -> FreeEnds:
-    """All free ends of parts of the network that are long enough to have a direction."""
+def free_ends(network: WoodNetwork, trunk: NDArray[np.float64], view_px: float, least_px: float) -> FreeEnds:
+    """All free ends of parts of the network that are long enough to have a direction. `trunk` (K, 2) px."""
     total = np.bincount(network.component, weights=network.length)
     where = [(int(p), int(s)) for p, s in np.argwhere(network.ends < 0) if total[network.component[p]] >= least_px]
     xy, inward = np.zeros((len(where), 2)), np.zeros((len(where), 2))
@@ -44,14 +45,18 @@ def free_ends(network: WoodNetwork, view_px: float, least_px: float) -> FreeEnds
         points = network.points[piece][:: 1 if side == 0 else -1]
         into = points[min(int(view_px), len(points) - 1)] - points[0]
         xy[index], inward[index] = points[0], into / max(np.hypot(*into), 1e-9)
+    apart = xy[:, None] - trunk
+    outward = apart[np.arange(len(xy)), (apart**2).sum(axis=2).argmin(axis=1)]
+    homeward = np.maximum(0, -(outward * inward).sum(axis=1)) / np.maximum(np.hypot(*outward.T), 1e-9)
     pieces = [piece for piece, _ in where]
     return FreeEnds(
-        xy,
-        inward,
-        pieces,
-        [side for _, side in where],
-        network.component[pieces].astype(np.int64),
-        {key: i for i, key in enumerate(where)},
+        xy=xy,
+        inward=inward,
+        piece=pieces,
+        side=[side for _, side in where],
+        component=network.component[pieces].astype(np.int64),
+        homeward=homeward,
+        index={key: end for end, key in enumerate(where)},
     )
 
 
@@ -74,11 +79,12 @@ def best_links(
     heading = directions / np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
     fork = (way * heading[:, None]).sum(axis=2)
     bend = (way * ends.inward[wanted][None]).sum(axis=2)
-    place, end = np.nonzero((apart > 0) & (apart < rules.longest_px) & (fork > -0.2) & (bend > 0.2))
+    place, end = np.nonzero((apart > 0) & (apart < rules.longest_px) & (fork > 0) & (bend > 0.4))
     if not len(place):
         return []
     gap, heading = apart[place, end], heading[place]
-    price = rules.price * gap + turn_px * ((1 - fork[place, end]) ** 2 + 2 * (1 - bend[place, end]) ** 2)
+    turning = (1 - fork[place, end]) ** 2 + 2 * (1 - bend[place, end]) ** 2 + ends.homeward[wanted[end]]
+    price = rules.price * gap * (1 + gap / rules.longest_px) + turn_px * turning
     cheapest = np.lexsort((price, end))
     first = cheapest[np.r_[True, np.diff(end[cheapest]) > 0]]
     start, target = place[first], wanted[end[first]]  # only the cheapest of each end is looked at in the photo

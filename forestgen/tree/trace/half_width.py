@@ -16,11 +16,11 @@ def edge_distance(wood: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.asarray(np.maximum(distance - 0.5, 0) * wood, dtype=np.float32)
 
 
-def at_points(image: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def at_points(image: NDArray[np.floating], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (K,) of an image (H, W) in the pixels of points (K, 2); the nearest pixel's outside."""
     column, row = points.astype(np.int64).T
     height, width = image.shape
-    return image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(np.float64)
+    return np.asarray(image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], np.float64)
 
 
 def raw_half_width(distance: NDArray[np.float32], points: NDArray[np.float64]) -> NDArray[np.float64]:

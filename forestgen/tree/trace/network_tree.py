@@ -58,7 +58,7 @@ class PixelTree:
 
 def span(
     network: WoodNetwork,
-    root: NDArray[np.float64],
+    trunk: NDArray[np.float64],
     start: tuple[int, int],
     *,
     distance: NDArray[np.float32],
@@ -66,16 +66,16 @@ def span(
     is_covered: NDArray[np.bool_],
     prices: WayPrices,
 ) -> PixelTree:
-    """The tree from a root (2,) px into the network, entered at `start`: (piece, which end).
+    """The tree from the start of a trunk stroke (K, 2) px into the network, entered at `start`: (piece, which end).
 
     Each piece is entered once, from its cheaper end. A piece that only closes a ring is left out.
     `distance` (H, W) to the wood's edge, `is_stroke` under a stroke, `is_covered` leaf or wood.
     """
     tree = PixelTree()
-    tree.extend(root[None], -1, False)
+    tree.extend(trunk[:1], -1, False)
     price = [_piece_price(points, is_stroke, prices.on_stroke) for points in network.points]
     width = [float(np.median(at_points(distance, points))) for points in network.points]
-    free = free_ends(network, prices.view_px, prices.links.least_piece_px)
+    free = free_ends(network, trunk, prices.view_px, prices.links.least_piece_px)
     queue: list[tuple[float, int, int, int, int, NDArray[np.float64] | None]] = [(0.0, 0, *start, 0, None)]
     entered = np.zeros(len(network), bool)
     passed = np.zeros(len(network.pieces_at), bool)

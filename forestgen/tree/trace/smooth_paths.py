@@ -18,6 +18,7 @@ from forestgen.tree.trace.centre_lines import CentreLine, centre_lines, knots_of
 from forestgen.tree.trace.gap_links import LinkRules
 from forestgen.tree.trace.half_width import at_points, edge_distance, falling_fit, raw_half_width, side_weights
 from forestgen.tree.trace.network_tree import WayPrices, span
+from forestgen.tree.trace.polylines import length_along, point_at, resample
 from forestgen.tree.trace.stroke_routes import route_stroke
 from forestgen.tree.trace.wood_network import WoodNetwork, wood_network
 
@@ -52,6 +53,7 @@ class SmoothPaths(Strategy):
 
     slide: float = 0.012  # a stroke slides to wood this near
     least_wood: float = 0.008  # shorter visible wood is noise
+    leaf_hole: float = 0.02  # a leaf this large, with wood all around, lies before one limb
     view: float = 0.016  # directions are seen over this length
     turn: float = 0.15  # a turn by 90 degrees costs as much as this length of wood
     on_stroke: float = 0.35  # price of a length under a stroke; plain wood costs 1
@@ -67,7 +69,9 @@ class SmoothPaths(Strategy):
 
     def prepare(self, mattes: Mattes, strokes: Strokes) -> WoodModel:
         """Clean the branch matte: what does not change while strokes are drawn."""
-        wood = without_specks(mattes.is_branch, round(self.least_wood * drawn_height(strokes)))
+        tall = drawn_height(strokes)
+        wood = without_specks(mattes.is_branch, round(self.least_wood * tall))
+        wood = behind_leaves(wood, mattes.is_foliage, (self.leaf_hole * tall) ** 2)
         near = cv2.dilate((mattes.is_tree | wood).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         return WoodModel(wood, edge_distance(wood), mattes.is_foliage, near)
 
@@ -94,7 +98,7 @@ class SmoothPaths(Strategy):
         )
         tree = span(
             network,
-            strokes.root,
+            resample(strokes.branches[0], 4.0),
             nearest_end(network, start),
             distance=model.distance,
             is_stroke=cv2.dilate(is_stroke.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0,
@@ -130,16 +134,24 @@ def without_specks(wood: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
     return np.asarray(kept | pinhole[label])
 
 
+def behind_leaves(wood: NDArray[np.bool_], is_foliage: NDArray[np.bool_], most_px: float) -> NDArray[np.bool_]:
+    """The mask (H, W) with what lies behind leaves all around which wood is seen, up to an area in px."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats((~wood).astype(np.uint8), connectivity=4)
+    leafy = np.bincount(label[is_foliage], minlength=len(stats))
+    hole = (stats[:, cv2.CC_STAT_AREA] <= most_px) & (leafy > 0.5 * stats[:, cv2.CC_STAT_AREA])
+    hole[0] = False
+    return np.asarray(wood | hole[label])
+
+
 def trunk_foot(model: WoodModel, trunk: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """A disc (H, W) about the root, wider than the trunk, and the point (2,) px where the trunk leaves it."""
     root = trunk[0]
-    length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(trunk, axis=0).T))])
-    at = np.linspace(0, length[-1] / 3, 40)
-    early = np.column_stack([np.interp(at, length, trunk[:, 0]), np.interp(at, length, trunk[:, 1])])
+    length = length_along(trunk)
+    early = point_at(trunk, np.linspace(0, length[-1] / 3, 40))
     radius = min(1.6 * float(np.median(raw_half_width(model.distance, early))) + 3, length[-1] / 3)
     row, column = np.indices(model.wood.shape, sparse=True)
     disc = (column + 0.5 - root[0]) ** 2 + (row + 0.5 - root[1]) ** 2 <= radius**2
-    leave = np.array([np.interp(radius, length, trunk[:, 0]), np.interp(radius, length, trunk[:, 1])])
+    leave = point_at(trunk, np.array([radius]))[0]
     return leave, np.asarray(disc)
 
 

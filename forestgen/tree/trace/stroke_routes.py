@@ -32,20 +32,21 @@ def route_stroke(path: NDArray[np.float64], distance: NDArray[np.float32], reach
     price = price + AWAY * away / reach_px
     ends = np.clip(np.floor(path[[0, -1]] - low).astype(int), 0, np.array(patch.shape[::-1]) - 1)
     inside[ends[:, 1], ends[:, 0]] = True
-    return cheapest_way(price, inside, ends[0], ends[1]) + low + 0.5
+    return np.asarray(cheapest_way(price, inside, ends[0], ends[1]) + low + 0.5)
 
 
 def cheapest_way(
     price: NDArray[np.float64], inside: NDArray[np.bool_], start: NDArray[np.int64], end: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Pixels (K, 2) xy of the cheapest way between two pixels over a mask; diagonal steps cost sqrt(2)."""
-    number = np.full(inside.shape, -1)
+    height, width = inside.shape
+    number = np.full((height, width), -1)
     number[inside] = np.arange(inside.sum())
     start_node, end_node = number[start[1], start[0]], number[end[1], end[0]]
     rows, columns, costs = [], [], []
     for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = number[: number.shape[0] - dy, max(0, -dx) : number.shape[1] - max(0, dx)]
-        there = number[dy:, max(0, dx) : number.shape[1] + min(0, dx)]
+        here = number[: height - dy, max(0, -dx) : width - max(0, dx)]
+        there = number[dy:, max(0, dx) : width + min(0, dx)]
         both = (here >= 0) & (there >= 0)
         a, b = here[both], there[both]
         cost = (price[inside][a] + price[inside][b]) / 2 * np.hypot(dx, dy)

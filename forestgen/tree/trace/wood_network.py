@@ -113,7 +113,7 @@ def _in_order(x: list[int], y: list[int]) -> list[tuple[int, int]]:
     return path
 
 
-def _end_junctions(path: list[tuple[int, int]], padded: NDArray[np.int32]) -> tuple[int, int]:
+def _end_junctions(path: list[tuple[int, int]], padded: NDArray[np.integer]) -> tuple[int, int]:
     """Junctions beside the first and the last pixel of a piece, -1 where there is none."""
     (x0, y0), (x1, y1) = path[0], path[-1]
     first = sorted(set(padded[y0 : y0 + 3, x0 : x0 + 3].ravel().tolist()) - {0})
