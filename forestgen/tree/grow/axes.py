@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.skeleton import Skeleton, branch_order, height_above_tips, main_child
+from forestgen.tree.view import View
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +20,32 @@ class Axis:
     bearer: int  # index of the axis it grows on, -1 for the trunk
 
 
-def axes_of(skeleton: Skeleton) -> list[Axis]:
-    """The axes of a skeleton, bearers first; the longest way to a tip carries each one on."""
+def continuation(skeleton: Skeleton) -> NDArray[np.int64]:
+    """The child that carries each node's branch on (N,), -1 at tips: long ones and straight ones are preferred."""
+    position, parent = skeleton.position, skeleton.parent
+    step = np.zeros_like(position)
+    step[1:] = position[1:] - position[parent[1:]]
+    step[0] = [0.0, 1.0, 0.0]  # trees stand
+    length = np.linalg.norm(step, axis=1)
+    before = np.maximum(parent, 0)
+    cosine = (step * step[before]).sum(axis=1) / np.maximum(length * length[before], 1e-12)
+    reach = height_above_tips(position, parent) + length
+    return main_child(reach * np.maximum(cosine, 0.05) ** 2, parent)
+
+
+def stem_end(skeleton: Skeleton, view: View) -> int:
+    """The node at which the trunk that was drawn ends: the one nearest to the end of the first stroke."""
+    away = view.camera.project(skeleton.position) - view.strokes.branches[0][-1]
+    return int(np.argmin((away**2).sum(axis=1)))
+
+
+def axes_of(skeleton: Skeleton, stem: int = 0) -> list[Axis]:
+    """The axes of a skeleton, bearers first; the trunk leads through the node `stem`."""
     parent = skeleton.parent
-    step = np.zeros(len(parent))
-    step[1:] = np.linalg.norm(skeleton.position[1:] - skeleton.position[parent[1:]], axis=1)
-    continues = main_child(height_above_tips(skeleton.position, parent) + step, parent)
+    continues = continuation(skeleton)
+    while stem > 0:
+        continues[parent[stem]] = stem
+        stem = int(parent[stem])
     order = branch_order(parent, continues)
     axis_of = np.zeros(len(parent), np.int64)
     axes: list[Axis] = []

@@ -18,6 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from forestgen.camera import Camera
 from forestgen.errors import StageError
 from forestgen.tree.scale import own_part
+from forestgen.tree.strokes import fill_outline
 from forestgen.tree.view import View
 
 CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, share of the height (as the measures do)
@@ -116,7 +117,9 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     height = _height(owns[0], views[0].camera)
     for view, own in zip(views, owns, strict=True):
         unit = height * view.camera.px_per_metre
-        crown = own if view.mattes.is_bare else own & view.mattes.is_foliage
+        # a bare tree's crown is what the outline holds of its wood; the trunk below grows nothing
+        inside = fill_outline(view.strokes.crown, view.photo.size) if view.mattes.is_bare else view.mattes.is_foliage
+        crown = own & inside
         if not crown.any():
             raise StageError(f"{view.photo.name}: no foliage or branch of this tree was found to grow into")
         passable.append(close(own, PASS * unit))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child
+from forestgen.tree.grow.axes import continuation
+from forestgen.tree.skeleton import Skeleton
 
 BOW = 0.2  # of the spacing: how far a curve may stray from the chord between two nodes
 
@@ -21,7 +22,7 @@ def densify(skeleton: Skeleton, spacing: float) -> tuple[Skeleton, NDArray[np.in
     step = np.zeros((n, 3))
     step[1:] = position[1:] - position[parent[1:]]
     length = np.linalg.norm(step, axis=1)
-    continues = main_child(height_above_tips(position, parent) + length, parent)
+    continues = continuation(skeleton)
     tangent = _tangents(step, length, continues)
     carried = np.zeros(n, bool)
     carried[1:] = continues[parent[1:]] == np.arange(1, n)

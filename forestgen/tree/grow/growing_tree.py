@@ -17,11 +17,11 @@ RATIO = 0.75  # of a branch's radius to its bearer's, to rank branches with (sec
 class GrowingTree:
     """Nodes, axes and their radii; begins as the visible skeleton, whose nodes keep their indices."""
 
-    def __init__(self, skeleton: Skeleton) -> None:
+    def __init__(self, skeleton: Skeleton, stem: int = 0) -> None:
         self.n_visible = len(skeleton)
         self.position: NDArray[np.float64] = skeleton.position
         self.parent: NDArray[np.int64] = skeleton.parent
-        self.axes: list[Axis] = axes_of(skeleton)
+        self.axes: list[Axis] = axes_of(skeleton, stem)
         self._visible_radius = skeleton.radius
         self.radius: list[float] = []  # of each axis, to rank it
         for axis in self.axes:

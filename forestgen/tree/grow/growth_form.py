@@ -24,10 +24,10 @@ def growth_form(trunk: NDArray[np.float64], outline: TurnedOutline) -> str:
 
 
 def leader(trunk: NDArray[np.float64], outline: TurnedOutline, height: float) -> NDArray[np.float64]:
-    """Points (P, 3) that carry a trunk (P, 3) on, without a bend, to just under the crown's top; none if it is there."""
+    """Points (P, 3) that carry a trunk (P, 3) on without a bend to just under the crown's top; none if it is there."""
     foot = trunk[-1]
     apex = outline.centre[-1] + 0.5 * (outline.right[-1] - outline.left[-1])
-    across, up, toward = foot @ outline.axes.T
+    _, up, toward = foot @ outline.axes.T
     goal = np.array([apex, outline.up[-1] - 0.01 * height, toward]) @ outline.axes
     rise = outline.up[-1] - 0.01 * height - up
     if rise < 0.03 * height:

@@ -118,9 +118,9 @@ def _join(name: str, kind: str, form: str, on: str, branches: Sequence[dict[str,
     return Subtree(name, kind, form, on, np.concatenate(position), np.array(parent), np.array(at), np.array(label))
 
 
-def subtrees_of(skeleton: Skeleton, form: str) -> list[Subtree]:
+def subtrees_of(skeleton: Skeleton, form: str, stem: int = 0) -> list[Subtree]:
     """All subtrees of the visible branches, one for each that bears others; what repeats is left out."""
-    axes = axes_of(skeleton)
+    axes = axes_of(skeleton, stem)
     found = []
     for index, axis in enumerate(axes):
         borne = _borne_by(axes, index)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
+from forestgen.tree.grow.axes import stem_end
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume, turn_outline
 from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.growing_tree import GrowingTree
@@ -65,10 +66,11 @@ class SubtreeReplacement(Strategy):
             InputError: the user's library cannot be read.
         """
         volume = crown_volume(views, is_round=self.round_crown)
-        tree = GrowingTree(densify(skeleton, VISIBLE_SPACING * volume.height)[0])
+        visible, _ = densify(skeleton, VISIBLE_SPACING * volume.height)
+        tree = GrowingTree(visible, stem_end(visible, views[0]))
         outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
         form = growth_form(tree.line(0), outline)
-        library = self._library(skeleton, form)
+        library = self._library(skeleton, stem_end(skeleton, views[0]), form)
         if form == "excurrent" and self.leader:
             tree.lead(leader(tree.line(0), outline, volume.height))
         image, space = self._attractors(tree, views, volume, rng=rng)
@@ -85,10 +87,10 @@ class SubtreeReplacement(Strategy):
         bare = trunk[(np.arange(len(trunk)) < BARE_TRUNK * len(trunk)) & (trunk < tree.n_visible)]
         return grow_twigs(grown, tree.n_visible, bare, volume, self.twig_interval * h, rng=rng)
 
-    def _library(self, skeleton: Skeleton, form: str) -> tuple[Subtree, ...]:
+    def _library(self, skeleton: Skeleton, stem: int, form: str) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""
         own = load_subtrees(Path(self.library)) if self.library else ()
-        visible = subtrees_of(skeleton, form) if self.visible_subtrees else []
+        visible = subtrees_of(skeleton, form, stem) if self.visible_subtrees else []
         predefined = [s for s in load_subtrees(PREDEFINED) if s.form == form] if self.predefined_subtrees else []
         chosen = choose_diverse(visible, self.n_subtrees // 2)
         rest = choose_diverse(predefined, self.n_subtrees - len(chosen) - len(own))

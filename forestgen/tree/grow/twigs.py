@@ -148,8 +148,7 @@ def _headings(
     ahead = shoots.heading[node]
     wish = _unit(total) + WANDER * rng.normal(size=total.shape) + [0.0, LIFT, 0.0]
     wish += np.where(side, 0.0, INERTIA)[:, None] * ahead
-    low = np.where(side, SIDE[0], 0.0)
-    high = np.where(side, SIDE[1], BEND)
+    low, high = np.where(side[:, None], SIDE, (0.0, BEND)).T
     return turn_within(_unit(wish), ahead, low, high)
 
 
