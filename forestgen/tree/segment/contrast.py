@@ -1,0 +1,75 @@
+"""Leaf or background by contrast: what is in the crown and not in the ring around it is tree.
+
+Tan et al. 2008 take the four most green or red clusters for leaves, which fails for white blossom,
+autumn yellow, frost or a grey photo. Here the background is learnt where it is known, outside the
+crown, as a model that follows the place; the tree is what that model does not explain inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from forestgen.errors import StageError
+from forestgen.tree.colour_model import Mixture, fit_mixture
+from forestgen.tree.segment.background_field import spread_background
+from forestgen.tree.segment.region import Region
+
+FITTED_ON = 150_000  # pixels: the models are fitted on every n-th pixel of larger windows
+BACKGROUND_COLOURS = 8  # Gaussians for what is around the tree: sky, cloud, hill, ground, walls
+ROUNDS = 3  # of refitting both models to what they found
+STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
+SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
+FAINT = -50.0  # nats, for places that are out of the question
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the colours say of each pixel of a region (h, w), in nats."""
+
+    log_ratio: NDArray[np.float32]  # tree against background; FAINT outside the widened crown
+    log_background: NDArray[np.float32]  # density of the background's colours
+
+
+def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.Generator) -> Evidence:
+    """Compare each colour in the crown with the ring's colours near it.
+
+    Raises:
+        StageError: the crown fills the photo so that nothing is left to compare with.
+    """
+    stride = max(1, round((region.depth.size / FITTED_ON) ** 0.5))
+    part = (slice(None, None, stride), slice(None, None, stride))
+    rgb, is_ring, is_inside = region.rgb[part], region.is_ring[part], region.is_inside[part]
+    if is_ring.sum() < 50:
+        raise StageError("no background is left around 'crown': draw a background stroke, or take a wider photo")
+    prior = outline_prior(region)
+    colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
+    background = spread_background(rgb, is_ring.astype(np.float32), colours)
+    known = background.log_density(rgb)
+    limit = float(np.quantile(known[is_ring], STRANGE))
+    is_tree = expit(limit - known[is_inside])
+    for _ in range(ROUNDS):
+        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6)
+        is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside])
+        certainty = is_ring.astype(np.float32)
+        certainty[is_inside & ~is_ring] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
+        background = spread_background(rgb, certainty, colours)
+        known = background.log_density(rgb)
+    return _whole_region(region, tree, background.log_density(region.rgb), prior)
+
+
+def _whole_region(
+    region: Region, tree: Mixture, log_background: NDArray[np.float32], prior: NDArray[np.float32]
+) -> Evidence:
+    log_ratio = np.full(region.depth.shape, FAINT, np.float32)
+    inside = region.is_inside
+    log_ratio[inside] = tree.log_density(region.rgb[inside]) - log_background[inside] + prior[inside]
+    return Evidence(log_ratio, log_background)
+
+
+def outline_prior(region: Region) -> NDArray[np.float32]:
+    """Log odds (h, w) of tree from the place alone: 1 well inside the outline, 0 on it, -2 well outside."""
+    return np.clip(region.depth / np.float32(SURE_DEPTH * region.size_px), -2, 1)

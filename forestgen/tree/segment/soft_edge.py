@@ -1,0 +1,39 @@
+"""Soft edges: how much of each pixel along a mask's edge is covered, from the colours on its two sides."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+BAND = 2  # px on either side of the edge where a pixel may be mixed: a lens's blur, a JPEG's blocks
+NEAR = 3.0  # sigma in px of the neighbourhood whose colours stand for tree and for background
+EDGE_SAY = 0.05  # what the edge's own pixels count, where nothing else is near (a twig two pixels wide)
+TOO_CLOSE = 12 / 255  # colour difference in sRGB below which mixtures cannot be told
+
+
+def soften(rgb: NDArray[np.float32], is_tree: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Alpha (h, w) of a mask: within its narrow band the share of tree colour in each pixel.
+
+    A pixel I between the local mean colours F of the tree and B of the background has
+    alpha = (I - B).(F - B) / |F - B|^2. Where F and B are too alike the mask stays as it is.
+    """
+    mask = is_tree.astype(np.uint8)
+    block = np.ones((3, 3), np.uint8)
+    tree = _local_mean(rgb, cv2.erode(mask, block) + np.float32(EDGE_SAY) * mask)
+    behind = _local_mean(rgb, cv2.erode(1 - mask, block) + np.float32(EDGE_SAY) * (1 - mask))
+    wide = np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)
+    row, column = np.nonzero((cv2.dilate(mask, wide) > 0) & (cv2.erode(mask, wide) == 0))
+    axis = tree[row, column] - behind[row, column]
+    length = (axis**2).sum(axis=1)
+    share = ((rgb[row, column] - behind[row, column]) * axis).sum(axis=1) / np.maximum(length, 1e-9)
+    clear = length > TOO_CLOSE**2
+    alpha = mask.astype(np.float32)
+    alpha[row[clear], column[clear]] = np.clip(share[clear], 0, 1)
+    return alpha
+
+
+def _local_mean(rgb: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Weighted mean colour (h, w, 3) of the pixels near each pixel."""
+    mass = cv2.GaussianBlur(weight, (0, 0), NEAR)
+    return np.asarray(cv2.GaussianBlur(rgb * weight[..., None], (0, 0), NEAR) / np.maximum(mass, 1e-6)[..., None])
