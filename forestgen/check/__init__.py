@@ -1,0 +1,1 @@
+"""The written USD against the photos it came from: measures, gates, report."""

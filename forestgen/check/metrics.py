@@ -35,10 +35,13 @@ def distance_to(mask: Mask) -> NDArray[np.float32]:
 def envelope(mask: Mask, height_px: float) -> Mask:
     """The mask closed by a disc of 2 % of the height, its holes filled."""
     closing = disc(CLOSING * height_px)
-    pad = len(closing)  # what the disc finds beyond the frame is empty
-    wide = np.pad(mask.astype(np.uint8), pad)
+    out = np.zeros_like(mask)
+    part = window(mask, len(closing))
+    wide = np.pad(mask[part].astype(np.uint8), len(closing))  # what the disc finds beyond the frame is empty
     closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, closing)
-    return np.asarray(binary_fill_holes(closed)[pad:-pad, pad:-pad])
+    pad = len(closing)
+    out[part] = binary_fill_holes(closed)[pad:-pad, pad:-pad]
+    return out
 
 
 def iou(a: Mask, b: Mask) -> float:
@@ -156,24 +159,39 @@ def colour_delta_e(
     from skimage.color import deltaE_ciede2000, rgb2lab
 
     sigma = BLUR * height_px
-    rows, columns = window(reference | render | reference_envelope, int(np.ceil(4 * sigma)))
-    part = (rows, columns)
-    mean_a, share_a = masked_blur(photo[part], reference[part], sigma)
-    mean_b, share_b = masked_blur(colour[part], render[part], sigma)
-    where = reference_envelope[part] & (share_a > FULL_ENOUGH) & (share_b > FULL_ENOUGH)
+    part = window(reference | render | reference_envelope, int(np.ceil(4 * sigma)))
+    cell = max(1, int(sigma / 5))
+    mean_a, share_a = masked_blur(photo[part], reference[part], sigma, cell)
+    mean_b, share_b = masked_blur(colour[part], render[part], sigma, cell)
+    weight = shrink(reference_envelope[part].astype(np.float32), cell)
+    where = (weight > 0) & (share_a > FULL_ENOUGH) & (share_b > FULL_ENOUGH)
     if not where.any():
         return 100.0
     lab = [rgb2lab(np.clip(mean[where], 0, 1)) for mean in (mean_a, mean_b)]
-    return float(np.mean(deltaE_ciede2000(*lab)))  # type: ignore[no-untyped-call]
+    difference = deltaE_ciede2000(*lab)  # type: ignore[no-untyped-call]
+    return float(np.average(difference, weights=weight[where]))
+
+
+def shrink(image: NDArray[np.float32], cell: int) -> NDArray[np.float32]:
+    """Means (H / cell, W / cell, ...) of the image's square cells; beyond its edge it is 0."""
+    room = [(0, -length % cell) for length in image.shape[:2]] + [(0, 0)] * (image.ndim - 2)
+    padded = np.pad(image, room)
+    size = (padded.shape[1] // cell, padded.shape[0] // cell)
+    return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def masked_blur(
-    picture: NDArray[np.float32], mask: Mask, sigma: float
+    picture: NDArray[np.float32], mask: Mask, sigma: float, cell: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The picture (H, W, 3) averaged over its mask by a Gaussian, and the blurred mask (H, W)."""
+    """The picture (H, W, 3) averaged over its mask by a Gaussian, and the blurred mask, per cell of pixels.
+
+    Cells of a fifth of sigma change the colour difference by less than 0.3 % (see the tests) and
+    save nearly all of the work; the blur that averaging a cell brings is taken off sigma.
+    """
     share = mask.astype(np.float32)
-    layers = np.dstack([picture * share[..., None], share]).astype(np.float32)
-    blurred = np.asarray(cv2.GaussianBlur(layers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT), np.float32)
+    layers = shrink(np.dstack([picture * share[..., None], share]), cell)
+    rest = float(np.sqrt(sigma**2 - (cell**2 - 1) / 12) / cell)
+    blurred = np.asarray(cv2.GaussianBlur(layers, (0, 0), rest, borderType=cv2.BORDER_CONSTANT), np.float32)
     weight = blurred[..., 3]
     return np.asarray(blurred[..., :3] / np.maximum(weight, 1e-6)[..., None], np.float32), weight
 

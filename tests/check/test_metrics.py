@@ -154,6 +154,31 @@ def test_colour_is_compared_only_where_both_are():
     assert metrics.colour_delta_e(photo, tree, render, np.zeros_like(tree), tree, 100.0) == 100
 
 
+@pytest.mark.parametrize("height_px", [150.0, 420.0, 900.0])
+def test_colour_by_cells_equals_colour_by_pixels(height_px):
+    from skimage.color import deltaE_ciede2000, rgb2lab
+
+    rng = np.random.default_rng(8)
+    size = (int(height_px * 1.2), int(height_px * 0.9))
+    reference, render = (cv2.resize(blobs(k).astype(np.uint8), size[::-1]) > 0 for k in (1, 2))
+    coarse = rng.random((2, 12, 10, 3)).astype(np.float32)
+    photo, colour = (np.clip(cv2.resize(c, size[::-1], interpolation=cv2.INTER_CUBIC), 0, 1) for c in coarse)
+    outer = metrics.envelope(reference, height_px)
+    sigma = 0.02 * height_px
+
+    def blur(picture, mask):
+        share = cv2.GaussianBlur(mask.astype(float), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+        mixed = cv2.GaussianBlur(picture * mask[..., None].astype(float), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+        return mixed / np.maximum(share, 1e-9)[..., None], share
+
+    (a, in_a), (b, in_b) = blur(photo, reference), blur(colour, render)
+    where = outer & (in_a > 0.1) & (in_b > 0.1)
+    plain = deltaE_ciede2000(rgb2lab(np.clip(a[where], 0, 1)), rgb2lab(np.clip(b[where], 0, 1))).mean()
+    found = metrics.colour_delta_e(photo, reference, colour, render, outer, height_px)
+    assert found == pytest.approx(plain, rel=0.003)
+    assert plain > 5
+
+
 def test_points_along_edges_are_about_a_pixel_apart():
     points = metrics.points_along(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0]]), np.array([-1, 0, 1]))
     assert len(points) == 15

@@ -70,7 +70,7 @@ def test_a_tree_that_is_its_own_photo_scores_fully(report):
     view = row["views"][0]
     for name in ("envelope_iou", "silhouette_iou", "skill", "boundary_f", "gap_recall", "density_correlation"):
         assert view[name] > 0.995, name  # a pixel of half leaf, half wood is in neither matte
-    assert view["branch_chamfer"] < 0.005
+    assert view["branch_chamfer"] < 0.01  # leaves cover parts of the trunk, and thinning rounds its foot
     assert view["colour_delta_e"] < 0.5
     assert row["counts"] == {"branches": 1, "leaves": 300, "triangles": 602, "prototypes": 2}
 
