@@ -22,6 +22,7 @@ from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.radius import ConstantRatio, MeasuredTaper
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
 from forestgen.tree.trace.circle_tracing import CircleTracing
+from forestgen.tree.trace.smooth_paths import SmoothPaths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class Method:
     """One strategy for each stage, in the order in which they run."""
 
     segment: Any = GraphCutFoliage()
-    trace: Any = CircleTracing()
+    trace: Any = SmoothPaths()
     lift: Any = SpreadBranches()
     grow: Any = SubtreeReplacement()
     radius: Any = MeasuredTaper()
@@ -41,11 +42,20 @@ class Method:
 
 TAN_2008 = Method()
 TAN_2008_PAPER = Method(
-    segment=GraphCutFoliage(),
+    segment=GraphCutFoliage(rule="green_red", smoothness=60.0),
     trace=CircleTracing(),
-    grow=SubtreeReplacement(),
+    grow=SubtreeReplacement(
+        iterations=100,
+        patience=0,
+        shortest=0.0,
+        min_gain=0.0,
+        whole_branches=True,
+        round_crown=False,
+        leader=False,
+        twigs=False,
+    ),
     radius=ConstantRatio(),
-    leaves=LeavesAlongBranches(),
+    leaves=LeavesAlongBranches(size_rule="trunk", number_rule="branch"),
 )
 METHODS = {"tan2008": TAN_2008, "tan2008_paper": TAN_2008_PAPER}
 
@@ -53,7 +63,7 @@ STAGES = tuple(field.name for field in fields(Method))
 
 STRATEGIES: Mapping[str, Mapping[str, Any]] = {
     "segment": {"graph_cut": GraphCutFoliage()},
-    "trace": {"circle_tracing": CircleTracing()},
+    "trace": {"circle_tracing": CircleTracing(), "smooth_paths": SmoothPaths()},
     "lift": {"spread_branches": SpreadBranches()},
     "grow": {"subtree_replacement": SubtreeReplacement()},
     "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper()},
