@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -33,7 +34,7 @@ def peer(skeleton: Skeleton) -> int:
     count = 0
     for limb in range(len(limbs)):
         knots = limbs.node[limbs.first[limb] : limbs.first[limb + 1]]
-        for a, b in zip(knots[:-1], knots[1:], strict=True):
+        for a, b in pairwise(knots):
             ends = skeleton.position[[a, b]]
             frame = trimesh.geometry.align_vectors([0, 0, 1], ends[1] - ends[0])[:3, :3]
             ring = np.column_stack([corner.real, corner.imag, np.zeros(3)]) @ frame.T

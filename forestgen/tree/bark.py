@@ -59,7 +59,7 @@ class BarkFromPhoto(Strategy):
 
 def largest_patch(strip: TrunkStrip, wanted: int, smallest: int) -> int:
     """The largest patch up to `wanted` px that fits into the strip's bark in enough places, 0 if none."""
-    size = min(wanted, *strip.rgb.shape[:2])
+    size: int = min(wanted, *strip.is_bark.shape)
     while size >= max(smallest, 4):
         if len(valid_places(strip.is_bark, size)) >= FEWEST:
             return size

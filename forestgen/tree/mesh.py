@@ -118,7 +118,7 @@ class GeneralisedCylinders(Strategy):
         above = float(curves.radius_at(curves.begin[:1] + 4 * base[0])[0])
         flare = remaining_flare(self.flare, float(base[0]), above)
         widen[trunk] *= flared(tubes.points[trunk, 1] - ground, tubes.angle[trunk], float(base[0]), flare)
-        points = tubes.points + (tubes.radius * (widen - 1))[:, None] * tubes.outward
+        points = np.asarray(tubes.points + (tubes.radius * (widen - 1))[:, None] * tubes.outward, np.float64)
         at, junction = near_sockets(tubes, joints)
         points[at] = fillet(joints, junction, points[at], tubes.outward[at])
         return points

@@ -68,14 +68,19 @@ def is_ordinary(sample: NDArray[np.float32], places: NDArray[np.int64], patch: i
     """Whether the patch at each place (N,) looks like most of the sample (H, W, 3).
 
     A knot, a fork or the edge of a shadow is worth seeing once; in a tile it comes back as a grid.
-    Those are kept that are ordinary: of least distance from the median colour at a coarse scale.
+    Those are kept whose coarse colour and whose local contrast are nearest to the median's.
     """
+    if not len(places):
+        return np.zeros(0, bool)
     coarse = cv2.GaussianBlur(sample, (0, 0), max(1.0, patch / 8))
-    odd = np.sum((coarse - np.median(sample, axis=(0, 1))) ** 2, axis=2) ** 1.5
+    hue = np.sum((coarse - np.median(sample, axis=(0, 1))) ** 2, axis=2)
+    contrast = np.sqrt(cv2.GaussianBlur(np.sum((sample - coarse) ** 2, axis=2), (0, 0), max(1.0, patch / 4)))
+    depth = (contrast - np.median(contrast)) ** 2
+    odd = (hue / max(float(hue.mean()), 1e-9) + depth / max(float(depth.mean()), 1e-9)) ** 1.5
     total = cv2.integral(odd.astype(np.float64))
     y, x = places.T
     oddness = total[y + patch, x + patch] - total[y, x + patch] - total[y + patch, x] + total[y, x]
-    return np.asarray(oddness <= np.quantile(oddness, ORDINARY)) if len(places) else np.zeros(0, bool)
+    return np.asarray(oddness <= np.quantile(oddness, ORDINARY))
 
 
 def sewn_mask(

@@ -15,6 +15,8 @@ from forestgen.tree.view import View
 WIDEST = 0.35  # half width that is looked for, as a share of the trunk stroke's length
 SLIMMEST = 0.55  # the trunk ends, as a source of bark, where it is narrower than that share of its foot
 BARK = 0.75  # share of a pixel that must be wood
+WIDER = 1.7  # what is that much wider than the traced trunk is more than the trunk
+ALIKE = (22.0, 7.0)  # lightness and chroma, CIELAB, by which bark may differ from the stroke's usual colours
 LEAF = 0.25  # share of a pixel that may be leaf
 
 
@@ -57,6 +59,7 @@ def trunk_strip(view: View, half_angle: float, n_across: int) -> TrunkStrip:
         return np.asarray(cv2.remap(soft, where[..., 0], where[..., 1], cv2.INTER_CUBIC), np.float32)
 
     is_bark = (sample(view.mattes.branch) > BARK) & (sample(view.mattes.foliage) < LEAF)
+    is_bark &= looks_like(sample(view.photo.rgb), under_stroke(view))
     rgb = np.asarray(np.clip(sample(view.photo.rgb) / 255, 0, 1), np.float32)
     return TrunkStrip(rgb, is_bark, radius_px * shrink, view.camera.px_per_metre * shrink)
 
@@ -82,7 +85,7 @@ def trunk_outline(
     )
     left, right = extents(wood >= 0.5, reach)
     half, shift = (right - left) / 2, (right + left) / 2
-    seen = half >= 1
+    seen = (half >= 1) & (half <= WIDER * traced_radius(view))
     if seen.sum() < 8:
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
     foot = np.median(half[seen][: max(8, int(seen.sum()) // 3)])
@@ -94,6 +97,40 @@ def trunk_outline(
     row = np.arange(end)
     half, shift = (smooth(np.interp(row, row[usable[:end]], v[:end][usable[:end]])) for v in (half, shift))
     return path[:end] + normal[:end] * shift[:, None], normal[:end], half
+
+
+def traced_radius(view: View) -> float:
+    """Radius px that the tracing found for the lower trunk, infinite where it measured none."""
+    length = np.linalg.norm(np.diff(view.strokes.branches[0], axis=0), axis=1).sum()
+    low = np.linalg.norm(view.branches.xy - view.strokes.root, axis=1) < length / 3
+    measured = view.branches.radius_px[low & np.isfinite(view.branches.radius_px)]
+    return float(measured.max()) if len(measured) else np.inf
+
+
+def under_stroke(view: View) -> NDArray[np.uint8]:
+    """Colours (S, 3) sRGB under the lower part of the trunk stroke: bark, the user says."""
+    path = walk(view.strokes.branches[0])
+    column, row = np.floor(path[: max(8, len(path) * 2 // 5)]).astype(np.int64).T
+    width, height = view.photo.size
+    return np.asarray(view.photo.rgb[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
+
+
+def looks_like(rgb: NDArray[np.float32], known: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Whether pixels (H, W, 3), sRGB 0 to 255, have a colour near the `known` ones (S, 3), in whatever light.
+
+    A matte that took sky, a wall or leaves for wood is not to be pasted all over the tree.
+    """
+
+    def lab(values: NDArray[Any]) -> NDArray[np.float32]:
+        soft = np.asarray(np.clip(values, 0, 255) / 255, np.float32)
+        return np.asarray(cv2.cvtColor(soft, cv2.COLOR_RGB2LAB), np.float32)
+
+    reference, here = lab(known[None])[0], lab(cv2.GaussianBlur(rgb, (0, 0), 1.0))
+    middle = np.median(reference, axis=0)
+    spread = np.median(np.abs(reference - middle), axis=0)
+    off = np.abs(here - middle)
+    hue = np.hypot(off[..., 1], off[..., 2]) <= ALIKE[1] + 3 * np.hypot(spread[1], spread[2])
+    return np.asarray(hue & (off[..., 0] <= ALIKE[0] + 3 * spread[0]))
 
 
 def walk(path: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,6 +186,6 @@ def evenly_lit(strip: TrunkStrip, evenness: float) -> TrunkStrip:
     depth = cv2.GaussianBlur(np.sum((even - colour) ** 2, axis=2), (0, 0), 2 * sigma) / np.maximum(
         cv2.GaussianBlur(valid, (0, 0), 2 * sigma), 1e-3
     )
-    evens = np.clip(np.median(depth[strip.is_bark]) / np.maximum(depth, 1e-9), 0.3, 3.0) ** 0.35
+    evens = np.clip(np.median(depth[strip.is_bark]) / np.maximum(depth, 1e-9), 0.3, 3.0) ** 0.3
     even = colour + (even - colour) * evens[..., None]  # shade is duller, and dull patches would stand out
     return TrunkStrip(np.clip(even, 0, 1), strip.is_bark, strip.radius, strip.px_per_metre)
