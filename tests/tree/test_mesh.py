@@ -21,7 +21,7 @@ PLAIN = GeneralisedCylinders(flare=0.0, roughness=0.0, tip=1.0)  # true cylinder
 ONE = polyline([[0, 0, 0]], 0.1)
 ZIGZAG = polyline([[0.08 * (k % 2), 0.05 * k, 0.0] for k in range(60)], 0.25)
 HAIRPIN = polyline([[0, 0, 0], [0, 2, 0], [0.01, 0.2, 0], [0.02, 2.2, 0.0]], 0.1)
-SPIRAL = polyline([[0.1 * np.cos(a), 0.02 * a, 0.1 * np.sin(a)] for a in np.arange(0, 30, 0.5)], 0.09)
+SPIRAL = polyline([[0.1 * np.cos(a), 0.02 * a, 0.1 * np.sin(a)] for a in np.arange(0, 14, 0.5)], 0.09)
 AWKWARD = {
     "one node": ONE,
     "one node without thickness": polyline([[0, 0, 0]], 0.0),

@@ -138,7 +138,7 @@ def test_a_frame_around_a_helix_turns_by_its_torsion() -> None:
 
 def test_curves_swept_together_are_as_if_swept_alone() -> None:
     rng = np.random.default_rng(0)
-    parts = [np.cumsum(rng.normal(0, 0.3, (n, 3)) + [0, 1, 0], axis=0) for n in (2, 9, 5)]
+    parts = [np.cumsum(rng.normal(0, 0.3, (n, 3)) + np.eye(3)[1], axis=0) for n in (2, 9, 5)]
     first = np.array([0, 2, 11, 16])
     together = transport(np.concatenate(parts), mitre_tangents(np.concatenate(parts), first), first, AWAY)
     for k, part in enumerate(parts):
@@ -155,7 +155,7 @@ def test_rings_keep_the_axis_within_tolerance_with_no_more_than_needed() -> None
         ring = curves.at(station)
         middle = (ring[1:] + ring[:-1]) / 2 + [1, 0, 0]
         sag = 1 - np.linalg.norm(middle, axis=1)
-        assert sag.max() < 1.2 * tolerance
+        assert sag.max() < 1.4 * tolerance  # the first and last half step know no bend
         assert len(station) <= np.ceil(np.pi / 2 / np.sqrt(8 * tolerance)) + 2
 
 
