@@ -17,6 +17,7 @@ class LinkRules:
     """When a link is plausible and what it costs."""
 
     longest_px: float
+    longest_share: float  # of the visible length beyond
     least_piece_px: float  # shorter visible parts are noise, not worth a link
     price: float  # of a hidden pixel in a short link; in the longest it counts double
     most_open: float  # share of the link that may lie before open background
@@ -32,6 +33,7 @@ class FreeEnds:
     piece: list[int]
     side: list[int]
     component: NDArray[np.int64]  # (E,)
+    beyond: NDArray[np.float64]  # (E,) px of wood seen in the part of the network behind the end
     homeward: NDArray[np.float64]  # (E,) in [0, 1]: entered here, the piece would grow towards the trunk
     index: dict[tuple[int, int], int]  # (piece, side) -> end
 
@@ -55,6 +57,7 @@ def free_ends(network: WoodNetwork, trunk: NDArray[np.float64], view_px: float, 
         piece=pieces,
         side=[side for _, side in where],
         component=network.component[pieces].astype(np.int64),
+        beyond=total[network.component[pieces].astype(np.int64)],
         homeward=homeward,
         index={key: end for end, key in enumerate(where)},
     )
@@ -79,7 +82,8 @@ def best_links(
     heading = directions / np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
     fork = (way * heading[:, None]).sum(axis=2)
     bend = (way * ends.inward[wanted][None]).sum(axis=2)
-    place, end = np.nonzero((apart > 0) & (apart < rules.longest_px) & (fork > 0) & (bend > 0.4))
+    longest = np.minimum(rules.longest_px, rules.longest_share * ends.beyond[wanted])
+    place, end = np.nonzero((apart > 0) & (apart < longest) & (fork > 0) & (bend > 0.4))
     if not len(place):
         return []
     gap, heading = apart[place, end], heading[place]

@@ -59,14 +59,14 @@ class PixelTree:
 def span(
     network: WoodNetwork,
     trunk: NDArray[np.float64],
-    start: tuple[int, int],
+    entries: list[tuple[int, int]],
     *,
     distance: NDArray[np.float32],
     is_stroke: NDArray[np.bool_],
     is_covered: NDArray[np.bool_],
     prices: WayPrices,
 ) -> PixelTree:
-    """The tree from the start of a trunk stroke (K, 2) px into the network, entered at `start`: (piece, which end).
+    """The tree from the start of a trunk stroke (K, 2) px, entering the network at `entries`: (piece, which end).
 
     Each piece is entered once, from its cheaper end. A piece that only closes a ring is left out.
     `distance` (H, W) to the wood's edge, `is_stroke` under a stroke, `is_covered` leaf or wood.
@@ -76,13 +76,15 @@ def span(
     price = [_piece_price(points, is_stroke, prices.on_stroke) for points in network.points]
     width = [float(np.median(at_points(distance, points))) for points in network.points]
     free = free_ends(network, trunk, prices.view_px, prices.links.least_piece_px)
-    queue: list[tuple[float, int, int, int, int, NDArray[np.float64] | None]] = [(0.0, 0, *start, 0, None)]
+    queue: list[tuple[float, int, int, int, int, NDArray[np.float64] | None]] = [
+        (0.0, i, *entry, 0, None) for i, entry in enumerate(entries)
+    ]
     entered = np.zeros(len(network), bool)
     passed = np.zeros(len(network.pieces_at), bool)
     found = np.zeros(int(network.component.max()) + 1, bool)
     last_node: dict[int, int] = {}
     closes: dict[int, int] = {}  # piece that ends at a junction passed before -> node it left from
-    pushed = 0
+    pushed = len(entries)
     while queue:
         cost, _, piece, side, foot, link = heappop(queue)
         if entered[piece] or (link is not None and found[network.component[piece]]):

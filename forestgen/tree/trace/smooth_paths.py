@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
+from forestgen.errors import StageError
 from forestgen.tree.branches import BranchGraph
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
@@ -53,12 +54,14 @@ class SmoothPaths(Strategy):
 
     slide: float = 0.012  # a stroke slides to wood this near
     least_wood: float = 0.008  # shorter visible wood is noise
+    least_twig: float = 0.012  # a side branch that leaves its parent by less is a bump
     leaf_hole: float = 0.02  # a leaf this large, with wood all around, lies before one limb
     view: float = 0.016  # directions are seen over this length
     turn: float = 0.15  # a turn by 90 degrees costs as much as this length of wood
     on_stroke: float = 0.35  # price of a length under a stroke; plain wood costs 1
     hidden: float = 2.5  # price of a hidden length
     longest_link: float = 0.16  # a branch is hidden behind leaves for at most this length
+    longest_share: float = 5.0  # nor for longer than this many times the visible length beyond
     most_open: float = 0.15  # of a link may lie before open background
     smooth: float = 0.004  # sigma along a branch; wider wood is smoothed more
     off_line: float = 0.0007  # a polyline's greatest distance from its smooth line
@@ -80,9 +83,10 @@ class SmoothPaths(Strategy):
         tall = drawn_height(strokes)
         is_stroke = np.zeros(model.wood.shape, bool)
         size = (model.wood.shape[1], model.wood.shape[0])
-        for path in strokes.branches:
-            is_stroke |= draw_polyline(route_stroke(path, model.distance, max(self.slide * tall, 2)), size)
-        start, foot = trunk_foot(model, strokes.branches[0])
+        routes = [route_stroke(path, model.distance, max(self.slide * tall, 2)) for path in strokes.branches]
+        for route in routes:
+            is_stroke |= draw_polyline(route, size)
+        start, foot = trunk_foot(model.distance, routes[0])
         network = wood_network(model.wood | is_stroke, model.distance, foot)
         prices = WayPrices(
             turn_px=self.turn * tall,
@@ -91,6 +95,7 @@ class SmoothPaths(Strategy):
             links=LinkRules(
                 longest_px=self.longest_link * tall,
                 least_piece_px=self.least_wood * tall,
+                longest_share=self.longest_share,
                 price=self.hidden,
                 most_open=self.most_open,
                 every_px=max(self.least_wood * tall / 2, 1),
@@ -99,7 +104,7 @@ class SmoothPaths(Strategy):
         tree = span(
             network,
             resample(strokes.branches[0], 4.0),
-            nearest_end(network, start),
+            entries(network, start, 0.05 * tall),
             distance=model.distance,
             is_stroke=cv2.dilate(is_stroke.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0,
             is_covered=model.is_covered,
@@ -107,7 +112,7 @@ class SmoothPaths(Strategy):
         )
         xy, parent, hidden = np.array(tree.xy), np.array(tree.parent), np.array(tree.is_hidden)
         width = raw_half_width(model.distance, xy)
-        kept = without_twiglets(xy, parent, width, self.least_wood * tall)
+        kept = without_twiglets(xy, parent, width, self.least_twig * tall)
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])
@@ -143,24 +148,41 @@ def behind_leaves(wood: NDArray[np.bool_], is_foliage: NDArray[np.bool_], most_p
     return np.asarray(wood | hole[label])
 
 
-def trunk_foot(model: WoodModel, trunk: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """A disc (H, W) about the root, wider than the trunk, and the point (2,) px where the trunk leaves it."""
-    root = trunk[0]
+def trunk_foot(
+    distance: NDArray[np.float32], trunk: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The trunk's foot (H, W), about as high as the trunk is wide, and the point (2,) px where the trunk leaves it.
+
+    `trunk` (K, 2) px is the trunk stroke, slid onto the wood.
+    """
     length = length_along(trunk)
     early = point_at(trunk, np.linspace(0, length[-1] / 3, 40))
-    radius = min(1.6 * float(np.median(raw_half_width(model.distance, early))) + 3, length[-1] / 3)
-    row, column = np.indices(model.wood.shape, sparse=True)
-    disc = (column + 0.5 - root[0]) ** 2 + (row + 0.5 - root[1]) ** 2 <= radius**2
-    leave = point_at(trunk, np.array([radius]))[0]
-    return leave, np.asarray(disc)
+    width = float(np.median(raw_half_width(distance, early)))
+    high = min(1.6 * width + 3, length[-1] / 3)
+    leave = point_at(trunk, np.array([high]))[0]
+    up = (leave - trunk[0]) / max(float(np.hypot(*(leave - trunk[0]))), 1e-9)
+    row, column = np.ogrid[: distance.shape[0], : distance.shape[1]]
+    x, y = column + 0.5 - trunk[0, 0], row + 0.5 - trunk[0, 1]
+    foot = (x * up[0] + y * up[1] <= high) & (abs(x * up[1] - y * up[0]) <= 3 * high)
+    return leave, np.asarray(foot)
 
 
-def nearest_end(network: WoodNetwork, point: NDArray[np.float64]) -> tuple[int, int]:
-    """(piece, which end) of the network's end nearest to a point (2,) px."""
+def entries(network: WoodNetwork, point: NDArray[np.float64], least_px: float) -> list[tuple[int, int]]:
+    """Where the tree enters the network near a point (2,) px: (piece, which end), all pieces of a junction.
+
+    Parts of the network shorter in all than `least_px` are no trunk.
+
+    Raises:
+        StageError: there is no wood at all.
+    """
+    if not len(network):
+        raise StageError("no wood was found under the branch strokes: draw the trunk from the ground into the crown")
     ends = np.array([[points[0], points[-1]] for points in network.points])
-    away = np.hypot(*np.moveaxis(ends - point, 2, 0)) + 5.0 * (network.ends >= 0)
-    piece, side = np.unravel_index(int(np.argmin(away)), away.shape)
-    return int(piece), int(side)
+    total = np.bincount(network.component, weights=network.length)[network.component]
+    away = np.hypot(*np.moveaxis(ends - point, 2, 0)) + (total < min(least_px, total.max()))[:, None] * 1e6
+    piece, side = (int(i) for i in np.unravel_index(int(np.argmin(away)), away.shape))
+    junction = network.ends[piece, side]
+    return [(piece, side)] if junction < 0 else list(network.pieces_at[junction])
 
 
 def assemble(lines: list[CentreLine], model: WoodModel, *, off_px: float, longest_px: float) -> BranchGraph:
