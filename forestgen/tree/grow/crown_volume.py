@@ -25,8 +25,10 @@ CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, sha
 PASS = 0.010  # radius of the sky gaps that wood may cross
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
+BEHIND = 0.02  # what lies this much farther off than the trunk is behind the wood that shows in the photo
 SMOOTH = 0.03  # along the height, of the depth: the unseen outline does not repeat the seen one's notches
 RIM = 0.08  # of the squared half-width: what thickness is left at the outline
+PROBES = 4000  # random points that measure the volume
 PROFILE = 256  # heights at which the turned outline is kept
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
 
@@ -59,6 +61,7 @@ class CrownVolume:
     cameras: tuple[Camera, ...]
     passable: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where wood may pass
     leafy: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where a twig may end
+    wooden: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where it may end behind the wood that shows there
     turned: TurnedOutline | None  # None where the views bound the depth
     height: float  # m, of the tree
     low: NDArray[np.float64]  # (3,) box about the crown, m
@@ -68,13 +71,20 @@ class CrownVolume:
         """Whether wood may pass at points (N, 3), and whether a twig may end there, both (N,)."""
         within = np.ones(len(points), bool) if self.turned is None else self.turned.contains(points)
         pass_, end = within.copy(), within.copy()
-        for camera, passable, leafy in zip(self.cameras, self.passable, self.leafy, strict=True):
+        for camera, passable, leafy, wooden in zip(self.cameras, self.passable, self.leafy, self.wooden, strict=True):
             column, row = np.floor(camera.project(points)).astype(np.int64).T
             seen = (column >= 0) & (row >= 0) & (column < passable.shape[1]) & (row < passable.shape[0])
             column, row = np.where(seen, column, 0), np.where(seen, row, 0)
             pass_ &= seen & passable[row, column]
-            end &= seen & leafy[row, column]
+            is_behind = camera.depth(points) < -BEHIND * self.height
+            end &= seen & (leafy[row, column] | (wooden[row, column] & is_behind))
         return pass_, end
+
+    def spacing_for(self, count: int, rng: np.random.Generator) -> float:
+        """The spacing, metres, at which about `count` points fill the volume."""
+        box = float(np.prod(self.high - self.low))
+        share = self.allows(self.low + rng.random((PROBES, 3)) * (self.high - self.low))[1].mean()
+        return float((box * max(float(share), 1 / PROBES) / count) ** (1 / 3))
 
     def sample(self, spacing: float, rng: np.random.Generator) -> NDArray[np.float64]:
         """Points (N, 3) spread evenly where twigs may end: one in each cell of a grid, shaken."""
@@ -112,7 +122,7 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     Raises:
         StageError: a view shows no crown.
     """
-    passable, leafy, outlines = [], [], []
+    passable, leafy, wooden, outlines = [], [], [], []
     owns = [own_part(view.mattes.is_tree, view.strokes) for view in views]
     height = _height(owns[0], views[0].camera)
     for view, own in zip(views, owns, strict=True):
@@ -128,13 +138,14 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
         inner = ~dilate(~ends, MARGIN * unit)
         leafy.append(inner if inner.sum() > 0.3 * crown.sum() else ends)
         outlines.append(envelope(crown, CLOSE * unit))
+        wooden.append(outlines[-1] & own & view.mattes.is_branch & ~leafy[-1])
     azimuth = np.array([view.camera.azimuth for view in views])
     apart = np.abs((azimuth[:, None] - azimuth + np.pi / 2) % np.pi - np.pi / 2)
     is_open = is_round and apart.max() < SIDE_VIEW
     turned = turn_outline(outlines[0], views[0].camera, height) if is_open else None
     low, high = _box(outlines, [view.camera for view in views], height)
     cameras = tuple(view.camera for view in views)
-    return CrownVolume(cameras, tuple(passable), tuple(leafy), turned, height, low, high)
+    return CrownVolume(cameras, tuple(passable), tuple(leafy), tuple(wooden), turned, height, low, high)
 
 
 def _height(own: NDArray[np.bool_], camera: Camera) -> float:

@@ -7,20 +7,21 @@ from numpy.typing import NDArray
 
 from forestgen.tree.grow.crown_volume import TurnedOutline
 
-STEM_REACH = 0.75  # share of the crown's height that one stem passes through
+STEM_REACH = 0.85  # share of the crown's height: a trunk drawn so far up is a single stem
+STEM_HINT = 0.6  # so far, in a crown that narrows upward, it is one too
 CONE = 0.44  # height of the outline's centre in the crown: a cone turned has 1/3, a ball 1/2
 SLENDER = 1.4  # height over width of a crown that narrows upward: the stem is there though leaves hide it
 
 
 def growth_form(trunk: NDArray[np.float64], outline: TurnedOutline) -> str:
-    """ "excurrent" where one stem, the trunk (P, 3), runs through a crown that narrows upward, else "decurrent"."""
+    """ "excurrent" where one stem, the trunk (P, 3), runs through the crown, else "decurrent"."""
     bottom, top = outline.up[0], outline.up[-1]
     reach = ((trunk @ outline.axes[1]).max() - bottom) / max(top - bottom, 1e-9)
     width = outline.left + outline.right
     centre = float((width * (outline.up - bottom)).sum() / max(width.sum() * (top - bottom), 1e-9))
     slender = (top - bottom) / max(float(width.max()), 1e-9)
-    is_one_stem = reach >= STEM_REACH or slender >= SLENDER
-    return "excurrent" if is_one_stem and centre <= CONE else "decurrent"
+    is_cone = centre <= CONE and (reach >= STEM_HINT or slender >= SLENDER)
+    return "excurrent" if is_cone or reach >= STEM_REACH else "decurrent"
 
 
 def leader(trunk: NDArray[np.float64], outline: TurnedOutline, height: float) -> NDArray[np.float64]:

@@ -39,7 +39,7 @@ class LimbRules:
     iterations: int
     n_candidates: int  # branches looked at in one iteration
     near: float  # a new branch ends where it comes this near to another
-    min_gain: float  # of cost; below it an iteration adds nothing
+    min_gain: float  # share of the first cost; what gains less is not added
     patience: int  # iterations without an addition after which growth ends; 0: never
 
 
@@ -49,13 +49,14 @@ def grow_limbs(
     """Replace branches, alternately driven by image attractors and by attractors in space."""
     used: set[tuple[int, int]] = set()
     idle = 0
+    least = {kind: rules.min_gain * scores.cost(kind) for kind in KINDS}
     for iteration in range(rules.iterations):
         kind = KINDS[iteration % 2]
         order = [axis.order for axis in tree.axes]
         drawn = draw_branches(np.array(tree.radius), order, rules.n_candidates, rng=rng)
         gain = {axis: scores.gains(axis, tree.line(axis), order[axis], kind) for axis in drawn}
         first = len(tree.parent)
-        for axis, which in _best(gain, used, rules.min_gain):
+        for axis, which in _best(gain, used, least[kind]):
             used.add((axis, which))
             if _replace(tree, scores.rules, axis, which, rules.near):
                 break

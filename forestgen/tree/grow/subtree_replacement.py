@@ -29,11 +29,7 @@ BARE_TRUNK = 0.75  # of the trunk bears no twigs, only limbs
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeReplacement(Strategy):
-    """Growth by replacing branches with subtrees of a small library.
-
-    The paper's own setting is iterations=100, patience=0, shortest=0.0, min_gain=0.0,
-    whole_branches=True, round_crown=False, leader=False, twigs=False.
-    """
+    """Growth by replacing branches with subtrees of a small library; `paper()` is the printed setting."""
 
     iterations: int = 300  # paper: "about 100" (sec. 3.1); goes on here until nothing is gained, see `patience`
     patience: int = (
@@ -48,13 +44,29 @@ class SubtreeReplacement(Strategy):
     interval: float = 0.025  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
     near: float = 0.02  # of the height; "too close to some existing branches" (sec. 3.1), not given
     shortest: float = 0.04  # of the height; paper: 0; what is shorter than this is left to the twigs
-    min_gain: float = 0.15  # of the height; paper: 0; least fall of the cost that is worth an iteration
+    min_gain: float = 0.003  # of the first cost; paper: 0; least fall of the cost that is worth an iteration
     whole_branches: bool = False  # paper: a branch that leaves the foliage is removed; here it is cut back
     round_crown: bool = True  # paper: no; the crown is as deep as wide, and points in it attract as the joints do
     volume_interval: float = 0.05  # of the height, between the points in the crown
     leader: bool = True  # paper: no; the single stem of a conifer is carried on to the crown's top
     twigs: bool = True  # paper: no; last generations wherever the crown has no wood near
     twig_interval: float = 0.028  # of the height, between the points that each want a twig
+    least_twigs: int = 3000  # points at least: in a small crown they lie closer
+    most_twigs: int = 12000  # and at most: in a wide one farther apart (about 2.5 nodes a point)
+
+    @classmethod
+    def paper(cls) -> SubtreeReplacement:
+        """Exactly the paper's hundred iterations, and nothing that it does not have."""
+        return cls(
+            iterations=100,
+            patience=0,
+            shortest=0.0,
+            min_gain=0.0,
+            whole_branches=True,
+            round_crown=False,
+            leader=False,
+            twigs=False,
+        )
 
     def __call__(
         self, skeleton: Skeleton, views: Sequence[View], *, rng: np.random.Generator, on_step: OnStep | None = None
@@ -77,7 +89,7 @@ class SubtreeReplacement(Strategy):
         h = volume.height
         share = 1.0 if self.whole_branches else 0.4
         placement = PlacementRules(library, self.n_rotations, volume, share, self.shortest * h)
-        rules = LimbRules(self.iterations, self.n_candidates, self.near * h, self.min_gain * h, self.patience)
+        rules = LimbRules(self.iterations, self.n_candidates, self.near * h, self.min_gain, self.patience)
         grow_limbs(tree, Scores(placement, image, space), rules, rng=rng, on_step=on_step)
         position = smooth(tree.position, tree.parent, tree.n_visible, ROUNDING)
         grown = Skeleton(position, tree.parent, tree.skeleton.radius)
@@ -85,7 +97,9 @@ class SubtreeReplacement(Strategy):
             return grown
         trunk = tree.axes[0].nodes
         bare = trunk[(np.arange(len(trunk)) < BARE_TRUNK * len(trunk)) & (trunk < tree.n_visible)]
-        return grow_twigs(grown, tree.n_visible, bare, volume, self.twig_interval * h, rng=rng)
+        finest, coarsest = (volume.spacing_for(count, rng) for count in (self.most_twigs, self.least_twigs))
+        spacing = float(np.clip(self.twig_interval * h, finest, coarsest))
+        return grow_twigs(grown, tree.n_visible, bare, volume, spacing, rng=rng)
 
     def _library(self, skeleton: Skeleton, stem: int, form: str) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""

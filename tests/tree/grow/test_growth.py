@@ -24,16 +24,7 @@ from forestgen.tree.skeleton import Skeleton, height_above_tips
 from tests.tree.grow.crowns import PX, ball_view, cone_view, two_limbs
 from tests.tree.grow.plain import PlainScores
 
-PAPER = SubtreeReplacement(
-    iterations=20,
-    patience=0,
-    shortest=0.0,
-    min_gain=0.0,
-    whole_branches=True,
-    round_crown=False,
-    leader=False,
-    twigs=False,
-)
+PAPER = replace(SubtreeReplacement.paper(), iterations=20)
 
 
 def grown_by(scores_type, **options):
@@ -51,7 +42,11 @@ def grown_by(scores_type, **options):
     costs = []
     scores = scores_type(rules, [image], space, **options)
     grow_limbs(
-        tree, scores, LimbRules(16, 4, 0.2, 0.05, 0), rng=stage_rng(0, "grow"), on_step=lambda *step: costs.append(step)
+        tree,
+        scores,
+        LimbRules(16, 4, 0.2, 0.0005, 0),
+        rng=stage_rng(0, "grow"),
+        on_step=lambda *step: costs.append(step),
     )
     return tree, costs, scores
 
@@ -215,6 +210,12 @@ def test_the_papers_setting_takes_exactly_its_iterations_and_keeps_to_the_foliag
     )
     assert steps == [(k, 20) for k in range(1, 21)]
     assert len(tree) > 100
+
+
+def test_the_papers_values_are_the_printed_ones() -> None:
+    paper = SubtreeReplacement.paper()
+    assert (paper.iterations, paper.n_rotations, paper.n_subtrees) == (100, 12, 8)
+    assert (paper.patience, paper.twigs, paper.round_crown) == (0, False, False)
 
 
 def test_only_the_users_subtrees_can_be_used(tmp_path) -> None:
