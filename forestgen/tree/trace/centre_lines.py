@@ -27,7 +27,8 @@ def without_twiglets(
 ) -> NDArray[np.int64]:
     """Indices of the nodes to keep when side branches that hardly leave their parent are dropped.
 
-    A branch goes when it is shorter than `least_px` beyond the half width (N,) of the wood at its foot.
+    A branch goes when it does not stand out by `least_px` beyond the half width (N,) of its
+    parent, or by less than it is wide itself: bumps of a ragged matte are blunt, twigs are not.
     """
     paths = cut_into_paths(xy, parent, 12.0)
     carries = np.zeros(len(paths), bool)  # a branch that stays keeps those that it stands on
@@ -35,9 +36,16 @@ def without_twiglets(
     for branch in paths.order[::-1]:
         if branch == 0:
             continue
-        base = paths.base[branch]
-        if paths.length[branch] < least_px + 1.2 * width[base] and not carries[branch]:
-            keep[paths.nodes[branch]] = False
+        base, nodes = int(paths.base[branch]), paths.nodes[branch]
+        beside = paths.nodes[paths.parent[branch]]
+        at = int(np.searchsorted(beside, base))
+        window = int(paths.length[branch] + 3 * width[base]) + 3
+        beside = beside[max(0, at - window) : at + window]
+        some = nodes[:: -max(1, len(nodes) // 8)]
+        apart = (np.hypot(*np.moveaxis(xy[some][:, None] - xy[beside], 2, 0)) - width[beside]).min(axis=1)
+        blunt = 2 * np.median(width[some[apart > 0]]) if (apart > 0).any() else 0.0
+        if apart.max() < max(least_px, blunt) and not carries[branch]:
+            keep[nodes] = False
         else:
             carries[paths.parent[branch]] = True
     return np.flatnonzero(keep)
@@ -75,7 +83,7 @@ def centre_lines(
         points = fill_gaps(np.concatenate([start, xy[nodes]]))
         hidden = np.append(np.zeros(len(points) - len(nodes), bool), is_hidden[nodes])
         weight = np.append(np.ones(len(points) - len(nodes)), trust[nodes])
-        sigma = np.clip(0.5 * float(np.median(width[nodes])), smooth_px, 4 * smooth_px)
+        sigma = np.clip(float(np.median(width[nodes])), smooth_px, 5 * smooth_px)
         index[branch] = len(lines)
         within[paths.nodes[branch]] = np.maximum(len(points) - len(nodes) - len(paths.nodes[branch]) + len(nodes), 0)
         within[nodes] = np.arange(len(points) - len(nodes), len(points))

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from forestgen.tree.trace.wood_network import WoodNetwork
 
+SHARPEST_FORK = np.cos(np.deg2rad(75.0))  # between the way of the tree and a link that leaves it
+SHARPEST_BEND = np.cos(np.deg2rad(55.0))  # between a link and the wood that it leads to
 CURVE = 14  # points at which a link's course is looked at
 
 
@@ -83,7 +85,7 @@ def best_links(
     fork = (way * heading[:, None]).sum(axis=2)
     bend = (way * ends.inward[wanted][None]).sum(axis=2)
     longest = np.minimum(rules.longest_px, rules.longest_share * ends.beyond[wanted])
-    place, end = np.nonzero((apart > 0) & (apart < longest) & (fork > 0) & (bend > 0.4))
+    place, end = np.nonzero((apart > 0) & (apart < longest) & (fork > SHARPEST_FORK) & (bend > SHARPEST_BEND))
     if not len(place):
         return []
     gap, heading = apart[place, end], heading[place]

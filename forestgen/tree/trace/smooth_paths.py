@@ -54,14 +54,14 @@ class SmoothPaths(Strategy):
 
     slide: float = 0.012  # a stroke slides to wood this near
     least_wood: float = 0.008  # shorter visible wood is noise
-    least_twig: float = 0.012  # a side branch that leaves its parent by less is a bump
+    least_twig: float = 0.007  # a side branch that leaves its parent by less is a bump
     leaf_hole: float = 0.02  # a leaf this large, with wood all around, lies before one limb
     view: float = 0.016  # directions are seen over this length
     turn: float = 0.15  # a turn by 90 degrees costs as much as this length of wood
     on_stroke: float = 0.35  # price of a length under a stroke; plain wood costs 1
     hidden: float = 2.5  # price of a hidden length
     longest_link: float = 0.16  # a branch is hidden behind leaves for at most this length
-    longest_share: float = 5.0  # nor for longer than this many times the visible length beyond
+    longest_share: float = 4.0  # nor for longer than this many times the visible length beyond
     most_open: float = 0.15  # of a link may lie before open background
     smooth: float = 0.004  # sigma along a branch; wider wood is smoothed more
     off_line: float = 0.0007  # a polyline's greatest distance from its smooth line
