@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.atlas_packing import compose, pack
-from forestgen.tree.leaf_blades import PETIOLE, Blade, build_blade, trim
+from forestgen.tree.leaf_blades import LONG_STALK, PETIOLE, Blade, build_blade, trim
 from forestgen.tree.leaf_cells import Pieces, find_pieces, group_colours, rank_pieces
 from forestgen.tree.leaf_drawing import cut_cell, generic_cell
 from forestgen.tree.leaf_scale import bears_needles, height_px, leaf_length_px
@@ -33,7 +33,8 @@ class LeafAtlasFromPhoto(Strategy):
     colours on instances, so here a leaf takes the prototype whose colour fits that place.
     """
 
-    prototypes: int = 48  # ours: enough that colours between two prototypes differ by about 3 CIELAB
+    colours: int = 32  # ours: cells cut, as many different colours; two neighbours differ by some 4 CIELAB
+    long_stalked: bool = True  # ours: each cell worn twice, by a leaf and by one that reaches farther from its twig
     cell_px: int = 112  # ours: length of a leaf in the atlas, petiole included
     piece_share: float = 0.02  # ours: a cut piece is at least this share of the tree's height long
     piece_lengths: float = 1.5  # ours: and this many times the length of a leaf in the photo
@@ -48,7 +49,7 @@ class LeafAtlasFromPhoto(Strategy):
         for k, view in enumerate(leafy):
             length = max(self.piece_share * height_px(view), self.piece_lengths * leaf_length_px(view))
             pieces = find_pieces(view, length)
-            n = self.prototypes * (k + 1) // len(leafy) - self.prototypes * k // len(leafy)
+            n = self.colours * (k + 1) // len(leafy) - self.colours * k // len(leafy)
             used: set[int] = set()
             for lab, near in rank_colours(pieces, max(1, n)):
                 fresh = [piece for piece in near if piece not in used] or near
@@ -56,12 +57,13 @@ class LeafAtlasFromPhoto(Strategy):
                 used.add(piece)
                 cells.append(cell)
                 lengths.append(float(pieces.length[piece]) / (1 - PETIOLE))
-        blades = [build_blade(trim(cell[..., 3] / 255), len(cell), rng=rng) for cell in cells]
+        outlines = [trim(cell[..., 3] / 255) for cell in cells]
         size, corner = pack([(cell.shape[1], cell.shape[0]) for cell in cells])
         rgba = compose(cells, size, corner)
         leaves = [
-            prototype(cell, blade, at, size, length)
-            for cell, blade, at, length in zip(cells, blades, corner, lengths, strict=True)
+            prototype(cell, build_blade(outline, len(cell), stalk, rng=rng), at, size, length)
+            for stalk in ((PETIOLE, LONG_STALK) if self.long_stalked else (PETIOLE,))
+            for cell, outline, at, length in zip(cells, outlines, corner, lengths, strict=True)
         ]
         log.info("atlas: %d prototypes, %d x %d px", len(leaves), *size)
         return Atlas(rgba, tuple(leaves))

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from forestgen.tree.foliage_colour import colours_at, foliage_colours, nearest_prototype, prototype_lab
 from forestgen.tree.foliage_fill import aim_at_open
-from forestgen.tree.foliage_fit import Placement, Target, blade_samples, cover, footprint, join, make_target
+from forestgen.tree.foliage_fit import Placement, blade_samples, cover, footprint, join, make_target
 from forestgen.tree.foliage_poses import frames, leaf_axes, light_normals, quaternions
 from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, young_wood
 from forestgen.tree.leaf_scale import leaf_length
-from forestgen.tree.model import Atlas, Leaves
+from forestgen.tree.model import Atlas, LeafPrototype, Leaves
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -25,6 +25,9 @@ log = logging.getLogger(__name__)
 
 SHRINK = (1.0, 0.8, 0.6)  # a leaf that does not fit is tried again this much smaller, standing otherwise
 SHOWN = 0.3  # mean projected area of a leaf over its length squared: half as wide as long, in all attitudes
+FAR = 0.75  # lengths of a leaf: foliage farther from its twig takes a long-stalked leaf
+SMALLEST, LARGEST, LARGEST_LONG = 0.5, 1.3, 2.0  # an aimed leaf's length over the usual one
+LEAST_GAIN = 0.25  # share of an aimed leaf that must cover open foliage
 COLOUR_SCALE = 0.35  # blur of the photo's colour over the length of a leaf
 
 
@@ -43,6 +46,7 @@ class LeavesAlongBranches(Strategy):
     size_spread: float = 0.18  # ours: relative standard deviation of the length
     number_rule: Literal["cover", "branch"] = "cover"  # ours; "branch": sec. 4, in proportion to a branch's length
     layers: float = 4.0  # ours: how many times the leaves would cover the foliage, laid side by side
+    spacing: float = 0.5  # ours: and at least one leaf on so many lengths of a leaf of young wood
     fewest_per_branch: int = 50  # sec. 4
     most_per_branch: int = 200  # sec. 4
     most: int = 300_000  # ours: no tree bears more leaves
@@ -88,6 +92,7 @@ class LeavesAlongBranches(Strategy):
             n = np.clip(self.most_per_branch * long / long.max(), self.fewest_per_branch, self.most_per_branch).sum()
         else:
             n = self.layers * crown.foliage_area / (SHOWN * crown.length**2)
+            n = max(n, float(wood.length.sum()) / (self.spacing * crown.length))
         return float(min(n, self.most))
 
     def grow(self, stations: Stations, crown: Crown, *, rng: np.random.Generator) -> Placement:
@@ -99,22 +104,24 @@ class LeavesAlongBranches(Strategy):
             outside = crown.outside(here.position)
             normal = light_normals(axis, outside + 0.3 * here.outward, self.light_spread, rng=rng)
             size = shrink * crown.length * self.factors(len(here), rng=rng)
-            leaves = self.dress(here.position, axis, normal, size, crown, rng=rng)
+            leaves = self.dress(here.position, axis, normal, size, np.zeros(len(here), bool), crown, rng=rng)
             fits = crown.keep(leaves, self.inside)
             kept.append(leaves.take(fits))
             rest = rest[~fits]
         return join(kept)
 
     def fill(self, wood: YoungWood, crown: Crown, room: int, *, rng: np.random.Generator) -> Placement:
-        """Leaves aimed at foliage that is open still, from twigs within reach."""
+        """Leaves aimed at foliage that is open still, from twigs within reach: long-stalked where that is far."""
         kept = []
         for target in crown.targets:
-            position, axis, normal, size = aim_at_open(target, wood, crown.length, rng=rng)
+            aim = aim_at_open(target, wood, crown.length, crown.reach, rng=rng)
+            is_far = (aim.way > FAR * crown.length) & crown.is_long.any()
+            size = crown.reaching(aim.way, is_far)
             for shrink in SHRINK:
-                leaves = self.dress(position, axis, normal, shrink * size, crown, rng=rng)
-                fits = crown.keep(leaves, self.inside, 0.25, room - sum(map(len, kept)))
+                leaves = self.dress(aim.foot, aim.axis, aim.normal, shrink * size, is_far, crown, rng=rng)
+                fits = crown.keep(leaves, self.inside, LEAST_GAIN, room - sum(map(len, kept)))
                 kept.append(leaves.take(fits))
-                position, axis, normal, size = position[~fits], axis[~fits], normal[~fits], size[~fits]
+                aim, is_far, size = aim.take(~fits), is_far[~fits], size[~fits]
         return join(kept)
 
     def dress(
@@ -123,19 +130,28 @@ class LeavesAlongBranches(Strategy):
         axis: NDArray[np.float64],
         normal: NDArray[np.float64],
         size: NDArray[np.float64],
+        is_far: NDArray[np.bool_],
         crown: Crown,
         *,
         rng: np.random.Generator,
     ) -> Placement:
-        """Leaves with the prototypes that fit their places in the photos."""
+        """Leaves with the prototypes that fit their places in the photos; long-stalked where they reach far."""
         middle = position + 0.6 * size[:, None] * axis
         wish = colours_at(crown.views, crown.colours, middle, crown.outside(middle))
-        prototype = nearest_prototype(wish, crown.lab, self.colour_spread, rng=rng)
+        among = is_far[:, None] == crown.is_long
+        prototype = nearest_prototype(wish, crown.lab, among, self.colour_spread, rng=rng)
         return Placement(position, frames(axis, normal), size, prototype)
 
     def factors(self, n: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
         """Relative lengths (n,) of leaves around 1."""
         return np.asarray(np.clip(rng.normal(1.0, self.size_spread, n), 0.5, 1.5))
+
+
+def blade_middle(leaf: LeafPrototype) -> float:
+    """How far along a leaf the middle of its area is, in [0, 1]."""
+    corner = leaf.points[leaf.faces]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    return float(np.average(corner[..., 1].mean(axis=1), weights=area))
 
 
 class Crown:
@@ -147,9 +163,25 @@ class Crown:
         self.colours = [foliage_colours(view, COLOUR_SCALE * length * view.camera.px_per_metre) for view in views]
         self.lab = prototype_lab(atlas)
         finest = max(view.camera.px_per_metre for view in views) * length
+        self.middle_of = np.array([blade_middle(leaf) for leaf in atlas.prototypes])
+        usual = float(self.middle_of.min())
+        self.is_long = self.middle_of > usual + 0.1  # (P,)
+        if not self.is_long.any() or self.is_long.all():
+            self.is_long = np.zeros(len(self.lab), bool)
+        self.aim = (usual, float(self.middle_of.max()))
         self.samples = blade_samples(atlas, int(np.clip(0.5 * finest**2, 24, 96)))
         tips = skeleton.position[skeleton.position[:, 1] > 0.3 * skeleton.position[:, 1].max()]
         self.middle = np.median(tips, axis=0) if len(tips) else np.zeros(3)
+
+    @property
+    def reach(self) -> float:
+        """How far from its twig the middle of a leaf can be, metres."""
+        return self.length * (LARGEST_LONG * self.aim[1] if self.is_long.any() else LARGEST * self.aim[0])
+
+    def reaching(self, way: NDArray[np.float64], is_far: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """How long leaves (L,) are, metres, whose blades' middles lie `way` metres (L,) from their feet."""
+        size = way / np.where(is_far, self.aim[1], self.aim[0]) / self.length
+        return np.clip(size, SMALLEST, np.where(is_far, LARGEST_LONG, LARGEST)) * self.length
 
     @property
     def foliage_area(self) -> float:

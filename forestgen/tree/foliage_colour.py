@@ -12,14 +12,10 @@ from forestgen.tree.leaf_cells import lab_of
 from forestgen.tree.model import Atlas
 from forestgen.tree.view import View
 
-OPAQUE = 0.9  # matte from which a pixel's colour counts
-
 
 def foliage_colours(view: View, sigma_px: float) -> NDArray[np.float32]:
     """The photo's CIELAB (H, W, 3), averaged over foliage around each pixel; its mean where none is near."""
-    weight = view.mattes.foliage * (view.mattes.foliage >= OPAQUE)
-    if not weight.any():
-        weight = view.mattes.foliage
+    weight = view.mattes.foliage * view.mattes.is_foliage
     rows, columns = np.nonzero(weight)
     reach = int(np.ceil(6 * sigma_px)) + 2
     part = (
@@ -62,14 +58,22 @@ def colours_at(
 
 
 def nearest_prototype(
-    wish: NDArray[np.float64], lab: NDArray[np.float64], spread: float, *, rng: np.random.Generator
+    wish: NDArray[np.float64],
+    lab: NDArray[np.float64],
+    among: NDArray[np.bool_],
+    spread: float,
+    *,
+    rng: np.random.Generator,
 ) -> NDArray[np.int64]:
-    """The prototype (L,) whose colour (P, 3) is nearest to the wish (L, 3), chance weighing in by `spread` CIELAB."""
+    """The prototype (L,) whose colour (P, 3) is nearest to the wish (L, 3), chance weighing in by `spread` CIELAB.
+
+    `among` (L, P) says which prototypes a leaf may take.
+    """
     best = np.full(len(wish), np.inf)
     which = np.zeros(len(wish), np.int64)
     for k, colour in enumerate(lab):
         far = np.sum((wish - colour) ** 2, axis=1) + rng.exponential(spread**2, len(wish))
-        nearer = far < best
+        nearer = (far < best) & among[:, k]
         best[nearer] = far[nearer]
         which[nearer] = k
     return which

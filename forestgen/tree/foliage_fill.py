@@ -2,48 +2,61 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from forestgen.tree.foliage_fit import Target
-from forestgen.tree.foliage_poses import normals_across, unit
+from forestgen.tree.foliage_poses import normals_across
 from forestgen.tree.foliage_twigs import YoungWood
 
 SEED_CELL = 0.35  # side of the cells that send one leaf each, in lengths of a leaf
 LEAST_OPEN = 3  # px of a cell that must be open
-AIM = 0.6  # which place along a leaf is laid on the open pixel
 NEAREST = 16  # twigs that a pixel may choose from
 TILT = 0.5  # radians by which such a leaf leaves the picture plane, standard deviation
-SMALLEST, LARGEST = 0.5, 1.25  # of the usual length
 
 
-def aim_at_open(
-    target: Target, wood: YoungWood, length: float, *, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Feet (L, 3), axes (L, 3), normals (L, 3) and lengths (L,) of leaves that reach for open foliage."""
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """Leaves that reach for open foliage. L leaves."""
+
+    foot: NDArray[np.float64]  # (L, 3) m, on the bark
+    axis: NDArray[np.float64]  # (L, 3) unit
+    normal: NDArray[np.float64]  # (L, 3) unit
+    way: NDArray[np.float64]  # (L,) m along the axis from the foot to the foliage that is open
+
+    def take(self, pick: NDArray[np.bool_]) -> Aim:
+        return Aim(self.foot[pick], self.axis[pick], self.normal[pick], self.way[pick])
+
+
+def aim_at_open(target: Target, wood: YoungWood, length: float, reach: float, *, rng: np.random.Generator) -> Aim:
+    """Aim leaves, from twigs up to `reach` metres away in the picture, at open foliage: one for each small cell."""
     camera = target.view.camera
     px = length * camera.px_per_metre
     seed = open_seeds(target.open, max(1.0, SEED_CELL * px), rng=rng)
     foot, radius = spread_points(wood, 0.25 * length)
     flat = camera.project(foot)
-    far, near = cKDTree(flat).query(seed, k=min(NEAREST, len(foot)), distance_upper_bound=AIM * LARGEST * px)
-    far, near = far.reshape(len(seed), -1), near.reshape(len(seed), -1)
+    k = min(NEAREST, len(foot))
+    far, near = cKDTree(flat).query(seed, k=k, distance_upper_bound=reach * camera.px_per_metre)
+    far, near = far.reshape(len(seed), k), near.reshape(len(seed), k)
     count = np.isfinite(far).sum(axis=1)
     reached = count > 0
     pick = np.minimum((rng.random(len(seed)) * count).astype(np.int64), np.maximum(count - 1, 0))
     chosen = near[np.arange(len(seed)), pick][reached]
     seed = seed[reached]
 
-    way = (seed - flat[chosen]) / camera.px_per_metre  # m, in the picture
-    tilt = rng.normal(0, TILT, len(seed))
-    size = np.clip(np.linalg.norm(way, axis=1) / np.cos(tilt) / AIM, SMALLEST * length, LARGEST * length)
-    plane = unit(np.column_stack([way[:, 0], -way[:, 1]]) + 1e-9 * rng.normal(size=(len(seed), 2)))
+    flat_way = (seed - flat[chosen]) / camera.px_per_metre * [1.0, -1.0]  # m, in the picture
+    tilt = rng.normal(0, TILT, len(seed)).clip(-1.2, 1.2)
+    ahead = flat_way + 1e-9 * rng.normal(size=flat_way.shape)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     right, up, toward = camera.axes
-    axis = np.cos(tilt)[:, None] * (plane[:, :1] * right + plane[:, 1:] * up) + np.sin(tilt)[:, None] * toward
-    normal = normals_across(axis, toward + [0.0, 0.6, 0.0] + rng.normal(0, 0.4, axis.shape))
-    outward = unit(axis)
-    return foot[chosen] + outward * radius[chosen][:, None] * 0.9, axis, normal, size
+    axis = np.cos(tilt)[:, None] * (ahead[:, :1] * right + ahead[:, 1:] * up) + np.sin(tilt)[:, None] * toward
+    light = toward + np.array([0.0, 0.6, 0.0])
+    normal = normals_across(axis, light + rng.normal(0, 0.4, axis.shape))
+    way = np.linalg.norm(flat_way, axis=1) / np.cos(tilt)
+    return Aim(foot[chosen] + axis * radius[chosen][:, None] * 0.9, axis, normal, way)
 
 
 def open_seeds(is_open: NDArray[np.bool_], cell: float, *, rng: np.random.Generator) -> NDArray[np.float64]:

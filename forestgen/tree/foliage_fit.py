@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -14,7 +15,7 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
 CHUNK = 400_000  # sample points looked up at a time: bounds the memory to some 30 MB
-THICK_PX = 0.7  # wood of at least this radius in the photo can hide a leaf behind it
+THICK_PX = 0.6  # wood of at least this radius in the photo hides a leaf behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +75,9 @@ class Target:
 
     view: View
     is_foliage: NDArray[np.bool_]  # (H, W)
-    wood_depth: NDArray[np.float32]  # (H, W) m towards the camera; -inf where no wood is seen
-    is_covered: NDArray[np.bool_] = field(init=False)  # (H, W)
+    is_wood: NDArray[np.bool_]  # (H, W) wood that the photo shows: leaves stay behind it
+    wood_depth: NDArray[np.float32]  # (H, W) m towards the camera; -inf where there is no wood
+    is_covered: NDArray[np.bool_] = field(init=False)  # (H, W) by a leaf, and not by wood before it
 
     def __post_init__(self) -> None:
         self.is_covered = np.zeros(self.is_foliage.shape, bool)
@@ -87,17 +89,40 @@ class Target:
 
 
 def make_target(view: View, skeleton: Skeleton) -> Target:
-    """What a view asks of the leaves: foliage, and visible wood as deep as the nearest thick limb lies."""
-    depth = np.full(view.mattes.foliage.shape, -np.inf, np.float32)
+    """What a view asks of the leaves: its foliage covered, its visible wood left bare."""
     is_wood = view.mattes.is_branch & ~view.mattes.is_foliage
-    radius_px = np.nan_to_num(skeleton.radius) * view.camera.px_per_metre
-    thick = radius_px >= THICK_PX
-    if is_wood.any() and thick.any():
-        row, column = np.nonzero(is_wood)
-        tree = cKDTree(view.camera.project(skeleton.position[thick]))
-        _, near = tree.query(np.column_stack([column + 0.5, row + 0.5]))
-        depth[row, column] = (view.camera.depth(skeleton.position[thick]) - skeleton.radius[thick])[near]
-    return Target(view, view.mattes.is_foliage, depth)
+    depth = draw_wood(view, skeleton)
+    blank = is_wood & np.isneginf(depth)
+    if blank.any() and not blank.all():  # wood of the photo that the skeleton misses is as deep as the nearest it has
+        column, row = np.meshgrid(np.arange(depth.shape[1]), np.arange(depth.shape[0]))
+        known = np.isfinite(depth)
+        if known.any():
+            tree = cKDTree(np.column_stack([column[known], row[known]]))
+            _, near = tree.query(np.column_stack([column[blank], row[blank]]))
+            depth[blank] = depth[known][near]
+    return Target(view, view.mattes.is_foliage, is_wood, depth)
+
+
+def draw_wood(view: View, skeleton: Skeleton) -> NDArray[np.float32]:
+    """How near to the camera (H, W) the front of the wood is, metres; -inf where there is none.
+
+    Each edge is drawn as a stroke as wide as its end, from the farthest to the nearest.
+    """
+    camera = view.camera
+    depth = np.full(view.mattes.foliage.shape, -np.inf, np.float32)
+    radius = np.nan_to_num(skeleton.radius)
+    xy = np.round((camera.project(skeleton.position) - 0.5) * 16).astype(np.int32)
+    far = camera.depth(skeleton.position)
+    thick = 1 + np.flatnonzero(radius[1:] * camera.px_per_metre >= THICK_PX)
+    near = np.maximum(far[thick], far[skeleton.parent[thick]])
+    for k in np.argsort(near, kind="stable"):
+        node = int(thick[k])
+        above = int(skeleton.parent[node])
+        width = max(1, round(2 * radius[node] * camera.px_per_metre))
+        front = float((far[node] + far[above]) / 2 + radius[node])
+        start, end = xy[above].tolist(), xy[node].tolist()
+        cv2.line(depth, start, end, front, width, cv2.LINE_8, 4)
+    return depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +130,8 @@ class Footprint:
     """Where leaves fall in a view: as shares of each leaf (L,), and its pixels (L, S) as flat indices."""
 
     inside: NDArray[np.float64]  # over foliage, or hidden behind wood
-    gain: NDArray[np.float64]  # over foliage that was open
-    pixel: NDArray[np.int64]  # (L, S); -1 outside the frame
+    gain: NDArray[np.float64]  # over foliage that was open, in front of wood
+    pixel: NDArray[np.int64]  # (L, S); -1 outside the frame or behind wood
 
 
 def footprint(target: Target, leaves: Placement, samples: NDArray[np.float64]) -> Footprint:
@@ -132,10 +157,10 @@ def footprint(target: Target, leaves: Placement, samples: NDArray[np.float64]) -
         framed = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         flat = np.where(framed, row * width + column, 0)
         far = np.matmul(local, toward[part][..., None])[..., 0] + depth[part, None]
-        good = framed & (foliage[flat] | (far < wood[flat]))
-        inside[part] = good.mean(axis=1)
-        gain[part] = (framed & is_open[flat]).mean(axis=1)
-        pixel[part] = np.where(framed, flat, -1)
+        hidden = far < wood[flat]
+        inside[part] = (framed & (foliage[flat] | hidden)).mean(axis=1)
+        gain[part] = (framed & is_open[flat] & ~hidden).mean(axis=1)
+        pixel[part] = np.where(framed & ~hidden, flat, -1)
     return Footprint(inside, gain, pixel)
 
 

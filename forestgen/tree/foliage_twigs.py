@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from forestgen.tree.skeleton import Skeleton, height_above_tips, path_length
 
 YOUNG = 0.06  # share of the tree's height: wood nearer to a tip than this is young and bears leaves
+SLENDER = 0.05  # share of the trunk's radius below which wood is young however far the tip is
 THIN = 0.2  # share of the trunk's radius above which wood bears no leaf, however near the tip
 TIP_GAIN = 1.0  # how much denser leaves stand at a tip than at the foot of the young wood
 CELL = 0.03  # share of the height: the cells whose wood is counted to even the crown out
@@ -54,8 +55,8 @@ def young_wood(skeleton: Skeleton) -> YoungWood:
     reach = height_above_tips(position, parent)
     radius = np.nan_to_num(skeleton.radius, nan=0.0)
     node = np.arange(1, len(skeleton))
-    thin = radius[node] <= THIN * max(float(np.max(radius)), 1e-9)
-    node = node[((reach[node] < YOUNG * tall) & thin) | (reach[node] == 0)]
+    share = radius[node] / max(float(np.max(radius)), 1e-9)
+    node = node[((reach[node] < YOUNG * tall) & (share <= THIN)) | (share <= SLENDER) | (reach[node] == 0)]
     node = node[np.linalg.norm(position[node] - position[parent[node]], axis=1) > 1e-9 * tall]
     start, end = position[parent[node]], position[node]
     length = np.linalg.norm(end - start, axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PETIOLE = 0.16  # share of a leaf's length that is petiole
+LONG_STALK = 0.48  # and of the long-stalked variant, that reaches farther from its twig
 PETIOLE_HALF_WIDTH = 0.015  # of a leaf's length
 LEVELS = (0.0, 0.2, 0.5, 0.8, 1.0)  # where along the blade its outline has vertices
 HUG = 0.8  # between the mean (0) and the greatest (1) extent of the rows that a level stands for
@@ -60,28 +61,34 @@ def trim(alpha: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.array(levels)
 
 
-def bend(flat: NDArray[np.float64], fold: float, curl: float, twist: float) -> NDArray[np.float64]:
-    """Points (V, 3) of a flat leaf (V, 2): sides lifted by `fold`, the tip bowed back by `curl`, turned by `twist`.
+def stalked(flat: NDArray[np.float64], stalk: float) -> NDArray[np.float64]:
+    """A flat leaf (V, 2) whose petiole takes another share of the length; the blade keeps its proportions."""
+    shrink = (1 - stalk) / (1 - PETIOLE)
+    x, y = flat.T
+    is_blade = y > PETIOLE
+    across = np.where(is_blade & (np.abs(x) > PETIOLE_HALF_WIDTH), x * shrink, x)
+    return np.column_stack([across, np.where(is_blade, stalk + (y - PETIOLE) * shrink, y * stalk / PETIOLE)])
 
-    The foot of the petiole stays at the origin and the leaf one unit long: the bow is an arc of length 1.
+
+def bend(flat: NDArray[np.float64], stalk: float, fold: float, curl: float, twist: float) -> NDArray[np.float64]:
+    """Points (V, 3) of a flat leaf (V, 2) with `stalk` of its length petiole.
+
+    Sides are lifted by `fold`, the blade bowed back along an arc of `curl` radians and turned about
+    its midrib by `twist` radians at its tip. The foot stays at the origin.
     """
     x, y = flat.T
-    z = fold * np.abs(x)
-    angle = curl * np.maximum(y - PETIOLE, 0) / (1 - PETIOLE)  # of the arc at y
-    if abs(curl) > 1e-6:
-        radius = (1 - PETIOLE) / curl
-        along = np.minimum(y, PETIOLE) + radius * np.sin(angle)
-        back = -radius * (1 - np.cos(angle))
-    else:
-        along, back = y, np.zeros_like(y)
-    turn = twist * np.maximum(y - PETIOLE, 0)
-    points = np.column_stack([x * np.cos(turn) - z * np.sin(turn), along + z * np.sin(angle), back + z * np.cos(angle)])
-    points[:, 2] += x * np.sin(turn)
-    return points
+    share = np.maximum(y - stalk, 0) / (1 - stalk)  # way along the blade
+    angle = curl * share
+    arc = (1 - stalk) / curl if abs(curl) > 1e-6 else 0.0
+    along = np.minimum(y, stalk) + (arc * np.sin(angle) if arc else share * (1 - stalk))
+    back = -arc * (1 - np.cos(angle))
+    turn = twist * share
+    side, lift = x * np.cos(turn) - fold * np.abs(x) * np.sin(turn), x * np.sin(turn) + fold * np.abs(x) * np.cos(turn)
+    return np.column_stack([side, along + lift * np.sin(angle), back + lift * np.cos(angle)])
 
 
-def build_blade(levels: NDArray[np.float64], height: int, *, rng: np.random.Generator) -> Blade:
-    """Mesh a leaf from its outline's levels (M, 3) px of a cell `height` px high.
+def build_blade(levels: NDArray[np.float64], height: int, stalk: float = PETIOLE, *, rng: np.random.Generator) -> Blade:
+    """Mesh a leaf from its outline's levels (M, 3) px of a cell `height` px high; `stalk` of it is petiole.
 
     Vertices: 3 of the petiole (its foot is a point), 2 on the first and the last level, 3 on each between.
     """
@@ -106,7 +113,8 @@ def build_blade(levels: NDArray[np.float64], height: int, *, rng: np.random.Gene
             b = a - 3
             faces += [[b, b + 1, a + 1], [b, a + 1, a], [b + 1, b + 2, a + 2], [b + 1, a + 2, a + 1]]
     where = np.array(flat)
-    points = bend(where, rng.uniform(0.12, 0.4), rng.uniform(0.1, 0.8), rng.uniform(-0.35, 0.35))
+    bent = (rng.uniform(0.12, 0.4), rng.uniform(0.1, 0.8), rng.uniform(-0.35, 0.35))
+    points = bend(stalked(where, stalk), stalk, *bent)
     index = np.array(faces, np.int64)
     return Blade(points, vertex_normals(points, index), where, index)
 

@@ -29,8 +29,7 @@ class Pieces:
     length: NDArray[np.float64]  # (P,) px
     width: NDArray[np.float64]  # (P,) px
     area: NDArray[np.float64]  # (P,) px
-    own: NDArray[np.float64]  # (P,) px whose colour is the leaf's own
-    lab: NDArray[np.float64]  # (P, 3) mean CIELAB of those; of all its pixels where there are none
+    lab: NDArray[np.float64]  # (P, 3) mean CIELAB of its pixels, weighted by the matte
     score: NDArray[np.float64]  # (P,) how leaf-like, in [0, 1]
 
     def __len__(self) -> int:
@@ -75,8 +74,8 @@ def find_pieces(view: View, length_px: float) -> Pieces:
     top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
     part = (slice(top, rows.max() + margin + 1), slice(left, columns.max() + margin + 1))
     rgb, inside = view.photo.rgb[part], is_foliage[part]
-    opaque = view.mattes.foliage[part] >= OPAQUE
-    is_opaque = cv2.erode(opaque.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    matte = view.mattes.foliage[part]
+    is_opaque = cv2.erode((matte >= OPAQUE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
 
     lab = lab_of(rgb)
     weight = inside.astype(np.float32)
@@ -85,18 +84,18 @@ def find_pieces(view: View, length_px: float) -> Pieces:
     light = cv2.GaussianBlur(lab[..., 0] * weight, (0, 0), sigma) / share
     light *= np.sqrt(np.minimum(1.0, share))  # on flat ground the middle of a patch is its summit
     label = climb(light.astype(np.float32), inside)
-    return _describe(rgb, lab, label, inside, is_opaque, length_px)
+    return _describe(rgb, lab, label, matte, is_opaque, length_px)
 
 
 def _describe(
     rgb: NDArray[np.uint8],
     lab: NDArray[np.float32],
     label: NDArray[np.int32],
-    inside: NDArray[np.bool_],
+    matte: NDArray[np.float32],
     is_opaque: NDArray[np.bool_],
     length_px: float,
 ) -> Pieces:
-    y, x = np.nonzero(inside)
+    y, x = np.nonzero(label >= 0)
     of = label[y, x]
     n = int(of.max()) + 1
 
@@ -114,17 +113,15 @@ def _describe(
     middle = np.array([np.median(x), np.percentile(y, 75)])  # leaves point away from the lower middle of the crown
     axis *= np.where(np.sum(axis * (centre - middle), axis=1) < 0, -1.0, 1.0)[:, None]
 
-    is_own = is_opaque[y, x].astype(float)
-    own = np.bincount(of, is_own, n)
-    counts = np.where(own[of] > 0, is_own, 1.0)
-    total = np.bincount(of, counts, n)
+    weight = matte[y, x]
+    total = np.bincount(of, weight, n)
     gradient = np.hypot(cv2.Sobel(lab[..., 0], cv2.CV_32F, 1, 0), cv2.Sobel(lab[..., 0], cv2.CV_32F, 0, 1))
     sharp = mean(gradient[y, x])
     compact = area / (4 * np.pi * major * minor)  # 1 for an ellipse
     slim = major / minor
     usual = 0.35 * length_px**2  # area of a leaf of that length
     score = (
-        np.clip(own / area / WELL_COVERED, 0, 1) ** 2
+        np.clip(mean(is_opaque[y, x]) / WELL_COVERED, 0, 1) ** 2
         * np.exp(-(np.log(np.maximum(area, 1) / usual) ** 2))
         * np.exp(-(np.log(slim / SLIM) ** 2) * 2)
         * np.clip(compact, 0, 1) ** 4
@@ -139,8 +136,7 @@ def _describe(
         length=4 * major,
         width=4 * minor,
         area=area,
-        own=own,
-        lab=np.column_stack([np.bincount(of, lab[y, x, c] * counts, n) / total for c in range(3)]),
+        lab=np.column_stack([np.bincount(of, lab[y, x, c] * weight, n) / total for c in range(3)]),
         score=score,
     )
 
@@ -181,11 +177,10 @@ def _spread(
 
 def group_colours(pieces: Pieces, n: int) -> NDArray[np.float64]:
     """Mean colours (K, 3) CIELAB of at most n groups that span the crown's colours and lights."""
-    weight = pieces.own if pieces.own.any() else pieces.area
-    seen = np.flatnonzero(weight > 0)
-    lab, weight = pieces.lab[seen], weight[seen]
-    group = split_colours(lab, weight, min(n, len(seen)))
-    return np.array([np.average(lab[group == k], axis=0, weights=weight[group == k]) for k in range(group.max() + 1)])
+    group = split_colours(pieces.lab, pieces.area, min(n, len(pieces)))
+    return np.array(
+        [np.average(pieces.lab[group == k], axis=0, weights=pieces.area[group == k]) for k in range(group.max() + 1)]
+    )
 
 
 def rank_pieces(pieces: Pieces, colour: NDArray[np.float64], n: int) -> NDArray[np.int64]:

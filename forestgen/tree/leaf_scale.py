@@ -15,7 +15,7 @@ from forestgen.tree.view import View
 LOST = 0.12  # share of the foliage that an opening may take away before its disc counts as too coarse
 LENGTHS = 4.5  # a leaf is about this many times as long as the radius of its widest place
 COARSEST_DISC = 8  # px; detail coarser than this says nothing about leaves
-SHORTEST, LONGEST = 0.0075, 0.018  # share of the tree's height that a leaf may be long
+SHORTEST, LONGEST = 0.011, 0.018  # share of the tree's height that a leaf may be long
 TRUNK_REACH = 0.78  # share of the height that a conifer's trunk stroke reaches
 CROWN_SLIM = 1.3  # height over width of a conifer's crown
 WARM = 3.0  # CIELAB a* above which foliage is autumn's or a flower's
