@@ -26,6 +26,7 @@ PASS = 0.010  # radius of the sky gaps that wood may cross
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
 BEHIND = 0.02  # what lies this much farther off than the trunk is behind the wood that shows in the photo
+LONG = 0.025  # a segment longer than this could leap over a gap that no wood may cross
 SMOOTH = 0.03  # along the height, of the depth: the unseen outline does not repeat the seen one's notches
 RIM = 0.08  # of the squared half-width: what thickness is left at the outline
 PROBES = 4000  # random points that measure the volume
@@ -79,6 +80,14 @@ class CrownVolume:
             is_behind = camera.depth(points) < -BEHIND * self.height
             end &= seen & (leafy[row, column] | (wooden[row, column] & is_behind))
         return pass_, end
+
+    def spans(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether the segments from points (N, 3) to points (N, 3) keep to where wood may pass in between, (N,)."""
+        clear = np.ones(len(a), bool)
+        long = np.flatnonzero(np.linalg.norm(b - a, axis=1) > LONG * self.height)
+        for share in (1 / 3, 2 / 3):
+            clear[long] &= self.allows(a[long] + share * (b[long] - a[long]))[0]
+        return clear
 
     def spacing_for(self, count: int, rng: np.random.Generator) -> float:
         """The spacing, metres, at which about `count` points fill the volume."""

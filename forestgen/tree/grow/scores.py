@@ -65,7 +65,7 @@ class PlacementRules:
         """All placements on a branch (P, 3) of an order, and which nodes (M,) the silhouettes leave."""
         placed = place(line, self.for_trunk if order == 0 else self.for_sides)
         may_pass, may_end = self.volume.allows(placed.position)
-        return placed, self.prune(placed, may_pass, may_end)
+        return placed, self.prune(placed, may_pass & self.volume.spans(placed.before, placed.position), may_end)
 
     def prune(self, placed: Placements, may_pass: NDArray[np.bool_], may_end: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which nodes (M,) stay, see `kernels.prune`."""

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -37,6 +38,19 @@ def test_samples_are_even() -> None:
     assert np.linalg.norm(points.mean(axis=0) - [0, 7, 0]) < 0.15
     below, above = (points[:, 2] < 0).sum(), (points[:, 2] > 0).sum()
     assert below == pytest.approx(above, rel=0.15)
+
+
+def test_a_long_segment_may_not_leap_over_the_sky() -> None:
+    leaves = cv2.circle(np.zeros(SIZE[::-1], np.uint8), (105, 110), 40, 1, -1)
+    cv2.circle(leaves, (195, 110), 40, 1, -1)  # 10 px of sky between two clumps, half a metre from either's middle
+    leaves[100:120, 140:160] = 0
+    leaves[148:150, 100:200] = 1
+    volume = crown_volume([view_of(leaves, trunk_matte() * 0 + leaves * 0)])
+    left, right = np.array([[-0.7, 7.0, 0]]), np.array([[0.7, 7.0, 0]])
+    assert volume.allows(left)[0].all()
+    assert volume.allows(right)[0].all()
+    assert not volume.spans(left, right).any()
+    assert volume.spans(left, left - [0.6, 0, 0]).all()
 
 
 def test_a_side_view_replaces_the_turned_outline() -> None:
