@@ -30,7 +30,7 @@ LONG = 0.025  # a segment longer than this could leap over a gap that no wood ma
 SMOOTH = 0.03  # along the height, of the depth: the unseen outline does not repeat the seen one's notches
 RIM = 0.08  # of the squared half-width: what thickness is left at the outline
 PROBES = 4000  # random points that measure the volume
-PROFILE = 256  # heights at which the turned outline is kept
+PROFILE = 512  # heights at which the turned outline is kept
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
 
 
@@ -39,7 +39,7 @@ class TurnedOutline:
     """The outline of a view's envelope about the trunk; its camera's axes, metres. R heights."""
 
     axes: NDArray[np.float64]  # (3, 3) right, up, toward the camera
-    up: NDArray[np.float64]  # (R,) rising
+    up: NDArray[np.float64]  # (R,) rising by even steps
     centre: NDArray[np.float64]  # (R,) of the trunk, along right
     left: NDArray[np.float64]  # (R,) half-widths, 0 where there is no crown
     right: NDArray[np.float64]  # (R,)
@@ -48,10 +48,12 @@ class TurnedOutline:
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether points (N, 3) lie within the depth that the turned outline has at their place (N,)."""
         across, up, toward = (points @ self.axes.T).T
-        at = [np.interp(up, self.up, values) for values in (self.centre, self.left, self.right, self.depth)]
-        side = np.where(across < at[0], at[1], at[2])
-        share = 1 - ((across - at[0]) / np.maximum(side, 1e-9)) ** 2
-        reach = at[3] * np.sqrt(np.maximum(share, RIM))
+        step = (self.up[-1] - self.up[0]) / (len(self.up) - 1)  # the heights are even: no search
+        row = np.clip(np.rint((up - self.up[0]) / max(step, 1e-9)), 0, len(self.up) - 1).astype(np.int64)
+        off = across - self.centre[row]
+        side = np.where(off < 0, self.left[row], self.right[row])
+        share = 1 - (off / np.maximum(side, 1e-9)) ** 2
+        reach = self.depth[row] * np.sqrt(np.maximum(share, RIM))
         return np.asarray((np.abs(toward) <= reach) & (up >= self.up[0]) & (up <= self.up[-1]))
 
 

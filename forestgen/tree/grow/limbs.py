@@ -90,10 +90,8 @@ def _best(gain: dict[int, NDArray[np.float64]], used: set[tuple[int, int]], min_
 
 def _replace(tree: GrowingTree, placement: PlacementRules, axis: int, which: int, near: float) -> bool:
     """Put one placement on the tree, without what is too near to other branches; whether anything was left."""
-    placed, stays = placement.placements(tree.line(axis), tree.axes[axis].order)
-    part = slice(placed.start[which], placed.start[which + 1])
-    one = placed.only(which)
-    left = stays[part] & ~_crowded(tree, axis, one, near)
+    one, stays = placement.placements(tree.line(axis), tree.axes[axis].order, which)
+    left = stays & ~_crowded(tree, axis, one, near)
     left = placement.prune(one, left, left)
     if left.any():
         tree.add(axis, one, left)

@@ -34,19 +34,6 @@ class Placements:
         """Of each node's segment (M,), metres."""
         return np.asarray(np.linalg.norm(self.position - self.before, axis=1))
 
-    def only(self, which: int) -> Placements:
-        """One of the placements by itself."""
-        part = slice(self.start[which], self.start[which + 1])
-        parent = self.parent[part]
-        return Placements(
-            self.position[part],
-            self.foot[part],
-            np.where(parent < 0, -1, parent - part.start),
-            self.at[part],
-            self.group[part] - self.group[part.start],
-            np.array([0, len(parent)]),
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Patterns:
@@ -58,6 +45,14 @@ class Patterns:
     parent: NDArray[np.int64]  # (M,) into the M nodes, -1 on the support
     group: NDArray[np.int64]  # (M,) one number a branch, rising
     start: NDArray[np.int64]  # (C + 1,) nodes start[c] to start[c + 1] are pattern c
+
+    def only(self, which: int) -> Patterns:
+        """One of the patterns by itself."""
+        part = slice(self.start[which], self.start[which + 1])
+        parent, group = self.parent[part], self.group[part]
+        own = np.where(parent < 0, -1, parent - part.start)
+        ends = np.array([0, len(parent)])
+        return Patterns(self.away[part], self.share, self.foot[part], own, group - group[:1], ends)
 
 
 def patterns(subtrees: Sequence[Subtree], n_rotations: int) -> Patterns:

@@ -61,9 +61,12 @@ class PlacementRules:
     def for_sides(self) -> Patterns:
         return patterns([subtree for subtree in self.library if subtree.on != "trunk"], self.n_rotations)
 
-    def placements(self, line: NDArray[np.float64], order: int) -> tuple[Placements, NDArray[np.bool_]]:
-        """All placements on a branch (P, 3) of an order, and which nodes (M,) the silhouettes leave."""
-        placed = place(line, self.for_trunk if order == 0 else self.for_sides)
+    def placements(
+        self, line: NDArray[np.float64], order: int, which: int | None = None
+    ) -> tuple[Placements, NDArray[np.bool_]]:
+        """All placements on a branch (P, 3) of an order, or one, and which nodes (M,) the silhouettes leave."""
+        wanted = self.for_trunk if order == 0 else self.for_sides
+        placed = place(line, wanted if which is None else wanted.only(which))
         may_pass, may_end = self.volume.allows(placed.position)
         return placed, self.prune(placed, may_pass & self.volume.spans(placed.before, placed.position), may_end)
 
