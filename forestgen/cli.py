@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from forestgen.errors import ForestgenError, RenderError
+from forestgen.errors import ForestgenError, RenderError, StageError
+from forestgen.interrupts import raise_on_signals
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,6 +38,8 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log every stage 
 Root = Annotated[Path | None, typer.Option(help="Folder that the manifest's paths may climb up to.")]
 
 GATE_FAILED, BAD_INPUT, NO_RENDERER, INTERRUPTED = 1, 2, 3, 130
+BROKEN_PIPE = 141  # as a shell says it of a program that SIGPIPE ended
+FILE_WIDTH = 140  # columns of a table that goes to a file
 
 
 @app.command()
@@ -54,7 +58,7 @@ def build(
     from forestgen.scene.manifest import load_scene
 
     spec = load_scene(scene, root)
-    with _progress([tree.name for tree in spec.trees], quiet or as_json) as on_progress:
+    with _progress([tree.name for tree in spec.trees], quiet or as_json or verbose) as on_progress:
         build_scene(spec, out, jobs=_n_workers(jobs), on_progress=on_progress)
     _finish([out], quiet, as_json)
 
@@ -77,7 +81,7 @@ def tree(
     from forestgen.scene.manifest import single_tree_scene
 
     spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed)
-    with _progress([one.name for one in spec.trees], quiet or as_json) as on_progress:
+    with _progress([one.name for one in spec.trees], quiet or as_json or verbose) as on_progress:
         build_scene(spec, out, jobs=1, on_progress=on_progress)
     _finish([out], quiet, as_json)
 
@@ -94,7 +98,7 @@ def check(
     _start_logging(verbose)
     from forestgen.pipeline import check_output, tree_names
 
-    with _progress(tree_names(out), quiet or as_json) as on_progress:
+    with _progress(tree_names(out), quiet or as_json or verbose) as on_progress:
         check_output(out, jobs=_n_workers(jobs), on_progress=on_progress)
     _finish([out], quiet, as_json)
 
@@ -121,37 +125,65 @@ def doctor() -> None:
 
 def main() -> NoReturn:
     """Run a command; every known failure is one line on stderr and an exit code."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    raise_on_signals()
+    for stream in (sys.stdout, sys.stderr):  # names may hold what the terminal's encoding does not
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    sys.exit(_run())
+
+
+def _run() -> int:
+    """Run the command of sys.argv; returns its exit code."""
     try:
-        app(standalone_mode=False)
-    except typer.Exit as stop:  # pragma: no cover - click raises it on some paths only
-        sys.exit(stop.exit_code)
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
+        return int(code or 0)
     except (KeyboardInterrupt, typer.Abort):
         _complain("interrupted; what was built before is intact")
-        sys.exit(INTERRUPTED)
+        return INTERRUPTED
     except RenderError as error:
         _complain(str(error))
-        sys.exit(NO_RENDERER)
+        return NO_RENDERER
+    except StageError as error:
+        _complain(str(error))
+        return GATE_FAILED
     except ForestgenError as error:
         _complain(str(error))
-        sys.exit(BAD_INPUT)
+        return BAD_INPUT
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
+        return BROKEN_PIPE
     except OSError as error:
-        _complain(f"{error.filename or 'output'}: {error.strerror or error}")
-        sys.exit(BAD_INPUT)
+        _complain(_in_words(error))
+        return BAD_INPUT
     except Exception as error:
         if hasattr(error, "exit_code") and hasattr(error, "show"):  # click's usage errors
             error.show()
-            sys.exit(error.exit_code)
+            return int(error.exit_code)
         raise
-    sys.exit(0)
 
 
 def _complain(message: str) -> None:
     print("forestgen: " + " ".join(message.split()), file=sys.stderr)
 
 
+def _in_words(error: OSError) -> str:
+    """What the system refused, and what to do where that is known."""
+    remedy = {
+        errno.ENOSPC: "make room, or choose another folder with -o",
+        errno.EDQUOT: "make room, or choose another folder with -o",
+        errno.EFBIG: "make room, or choose another folder with -o",
+        errno.EACCES: "choose a folder that you may write to with -o",
+        errno.EPERM: "choose a folder that you may write to with -o",
+        errno.EROFS: "choose a folder that you may write to with -o",
+    }.get(error.errno or 0)
+    where = f"{error.filename}: " if error.filename else ""
+    return where + (error.strerror or str(error)) + (f": {remedy}" if remedy else "")
+
+
 def _start_logging(verbose: bool) -> None:
-    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, format="%(name)s: %(message)s")
+    logging.basicConfig(format="%(name)s: %(message)s")
+    logging.getLogger("forestgen").setLevel(logging.INFO if verbose else logging.WARNING)
 
 
 def _n_workers(jobs: int) -> int:
@@ -160,41 +192,23 @@ def _n_workers(jobs: int) -> int:
 
 @contextmanager
 def _progress(names: list[str], is_silent: bool) -> Iterator[OnProgress | None]:
-    """One bar a tree: its name, the stage it is in, how far that stage is."""
+    """Show progress on stderr, unless nobody wants it."""
     if is_silent:
         yield None
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[stage]}", markup=False),
-        TimeElapsedColumn(),
-    )
     from forestgen.pipeline import STEPS
+    from forestgen.progress import shown_progress
 
-    with Progress(*columns, console=_console(stderr=True)) as progress:
-        tasks = [progress.add_task(name, total=len(STEPS), stage="waiting", start=False) for name in names]
-
-        def on_progress(index: int, stage: str, done: int, total: int) -> None:
-            task = tasks[index]
-            progress.start_task(task)
-            if stage in STEPS:
-                share = done / total if total else 0.0
-                label = f"{stage} {done}/{total}" if total else stage
-                progress.update(task, completed=int(STEPS.index(stage) + share), stage=label)
-            else:
-                progress.update(task, completed=len(STEPS), stage=stage or "done")
-
+    with shown_progress(names, STEPS, _console(stderr=True)) as on_progress:
         yield on_progress
 
 
 def _console(stderr: bool = False) -> Console:
+    """A terminal as wide as it is; a file or pipe is as wide as need be."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False)
+    console = Console(stderr=stderr, highlight=False)
+    return console if console.is_terminal else Console(stderr=stderr, highlight=False, width=FILE_WIDTH)
 
 
 def _finish(outs: list[Path], quiet: bool, as_json: bool) -> None:
@@ -203,7 +217,7 @@ def _finish(outs: list[Path], quiet: bool, as_json: bool) -> None:
 
     reports = [read_report(out) for out in outs]
     if as_json:
-        print(json.dumps(reports[0] if len(reports) == 1 else reports, indent=1, ensure_ascii=False))
+        print(json.dumps(reports[0] if len(reports) == 1 else reports, indent=1))
     elif not quiet:
         print_summary(_console(), outs, reports)
     if not all(report["passed"] for report in reports):

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from forestgen.errors import InputError, StageError
+from forestgen.build_record import (
+    BUILD,
+    REPORT,
+    SECONDS,
+    read_seconds,
+    stage_name,
+    stale_entries,
+    write_record,
+    write_seconds,
+)
+from forestgen.errors import InputError, RenderError, StageError
 from forestgen.scene.forest import place
 from forestgen.scene.manifest import Scene, TreeSpec, ViewSpec
+from forestgen.staging import install, staging
 from forestgen.tree.build import OnStage, Source, build_tree
 from forestgen.tree.methods import STAGES
 from forestgen.tree.model import TreeModel
@@ -25,16 +33,6 @@ if TYPE_CHECKING:
     from forestgen.check.report import TreeReport
 
 STEPS = (*STAGES, "write", "check")  # what progress counts, for each tree
-PARTIAL = ".partial"  # ending of everything that is still being written
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A tree that a stage could not build, and why."""
-
-    name: str
-    prim_name: str
-    reason: str
 
 
 def load_source(view: ViewSpec) -> Source:
@@ -56,7 +54,12 @@ def load_source(view: ViewSpec) -> Source:
 
 
 def build_model(tree: TreeSpec, on_stage: OnStage | None = None) -> TreeModel:
-    """Build the tree of a manifest's entry, in memory."""
+    """Build the tree of a manifest's entry, in memory.
+
+    Raises:
+        InputError: a photo or stroke set cannot be used.
+        StageError: a photo defeats a stage.
+    """
     return build_tree(
         [load_source(view) for view in tree.views],
         tree.method,
@@ -69,51 +72,29 @@ def build_model(tree: TreeSpec, on_stage: OnStage | None = None) -> TreeModel:
 
 
 def write_tree(model: TreeModel, prim_name: str, trees: Path) -> Path:
-    """Write a tree's folder `trees`/`prim_name`: built beside, renamed into place. Returns the folder."""
+    """Write a tree's folder `trees`/`prim_name`: built beside, moved into place. Returns the folder.
+
+    Raises:
+        OSError: it could not be written; what was there before stays.
+    """
+    with staging(trees) as work:
+        _write_tree(model, work / prim_name)
+        install(work, trees, [prim_name])
+    return trees / prim_name
+
+
+def _write_tree(model: TreeModel, folder: Path) -> None:
+    """Write layers, textures and reference into a new folder; layers and prims are named after it."""
     from forestgen.check.reference import write_provenance, write_reference
     from forestgen.usd.cameras import write_cameras
     from forestgen.usd.tree_asset import write_tree_asset
 
-    with replacing(trees / prim_name) as folder:
-        inside = folder / prim_name  # writers name layers and prims after their folder
-        inside.mkdir()
-        write_tree_asset(model, inside)
-        write_cameras(model, inside)
-        write_provenance(model, inside / "reference")
-        for index, view in enumerate(model.views):
-            write_reference(view, inside / "reference" / f"view_{index:02d}")
-    return trees / prim_name
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """Give a fresh folder beside `target`; its child of the same name takes target's place at the end.
-
-    Whatever goes wrong before that, target stays as it was and nothing half-written is left.
-    """
-    target.parent.mkdir(parents=True, exist_ok=True)
-    work = target.with_name(f".{target.name}{PARTIAL}")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
-    try:
-        yield work
-        fresh = work / target.name
-        if target.exists():
-            target.rename(work / "replaced")
-        fresh.rename(target)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-
-
-@contextmanager
-def replacing_file(target: Path) -> Iterator[Path]:
-    """Give a path beside `target` to write to; it takes target's place at the end."""
-    work = target.with_name(f".partial_{target.name}")
-    try:
-        yield work
-        work.replace(target)
-    finally:
-        work.unlink(missing_ok=True)
+    folder.mkdir(parents=True)
+    write_tree_asset(model, folder)
+    write_cameras(model, folder)
+    write_provenance(model, folder / "reference")
+    for index, view in enumerate(model.views):
+        write_reference(view, folder / "reference" / f"view_{index:02d}")
 
 
 @dataclass(frozen=True)
@@ -124,76 +105,97 @@ class _Job:
     trees: Path  # the folder that holds the trees' folders
 
 
-def _build_job(job: _Job, on_stage: OnStage) -> Failure | None:
+def _build_job(job: _Job, on_stage: OnStage) -> dict[str, float]:
+    """Build and write one tree; returns the seconds that each stage took."""
     try:
         model = build_model(job.tree, on_stage)
-    except StageError as error:
-        return Failure(job.tree.name, job.tree.prim_name, str(error))
+    except MemoryError as error:
+        raise StageError("there is too little memory for it: use a smaller photo, or fewer --jobs") from error
     on_stage("write", 0, 0)
-    write_tree(model, job.tree.prim_name, job.trees)
-    return None
+    start = perf_counter()
+    _write_tree(model, job.trees / job.tree.prim_name)
+    return {**model.seconds, "write": perf_counter() - start}
 
 
 def build_scene(scene: Scene, out: Path, *, jobs: int = 1, on_progress: OnProgress | None = None) -> dict[str, Any]:
     """Build every tree of a scene, place them on a stage, score them; returns the report (DESIGN, section 5).
 
-    A tree that a stage cannot build is left out of the stage and named in the report; the others stand.
+    All is made in a hidden folder inside `out` and takes its place at the end, so an interrupted build
+    leaves an earlier one as it was. A tree that a stage cannot build is left out of the stage and named
+    in the report. Trees of an earlier build in `out` that the scene no longer names are removed.
 
     Raises:
         InputError: the scene or `out` cannot be used; nothing was written.
+        OSError: `out` could not be written to; an earlier build is as it was.
         RenderError: trees and stage are written, but there is no OpenGL to score them with.
     """
-    from forestgen.usd.forest_scene import write_forest
-
     out = Path(out)
-    _check_inputs(scene)
-    _check_out(out)
-    work = [_Job(tree, out / "trees") for tree in scene.trees]
-    failures = [one for one in run_parallel(_build_job, work, jobs, _unfinished(on_progress)) if one is not None]
-    stage = out / f"{scene.prim_name}.usda"
-    forest = place(_without(scene, {failure.name for failure in failures}))
-    if len(forest):
-        folders = {prim: out / "trees" / prim for prim in forest.prototypes}
-        with replacing_file(stage) as path:
-            write_forest(
-                forest,
-                {prim: folder / f"{prim}.usda" for prim, folder in folders.items()},
-                {prim: folder / "cameras.usda" for prim, folder in folders.items()},
-                path,
-                scene.prim_name,
-            )
-    errors = {failure.name: failure.reason for failure in failures}
-    with replacing_file(out / "build.json") as path:
-        path.write_text(json.dumps(_build_record(scene, errors), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    return check_output(out, jobs=jobs, on_progress=on_progress)
+    check_inputs(scene)
+    fresh = [BUILD, SECONDS, *(f"trees/{tree.prim_name}" for tree in scene.trees), stage_name(scene.prim_name)]
+    stale = stale_entries(out, [*fresh, *REPORT])
+    with staging(out) as work:
+        seconds, errors = _build_trees(scene, work / "trees", jobs, _unfinished(on_progress))
+        _write_stage(_without(scene, set(errors)), work)
+        write_record(work, scene, errors)
+        write_seconds(work, seconds)
+        fresh = [name for name in fresh if (work / name).exists()]
+        try:
+            report = _check(work, work, jobs, on_progress)
+        except RenderError:
+            install(work, out, fresh, [*stale, *REPORT])
+            raise
+        install(work, out, [*fresh, *REPORT], stale)
+    return report
 
 
-def _build_record(scene: Scene, errors: Mapping[str, str]) -> dict[str, Any]:
-    """The content of build.json: the manifest as resolved, and per tree what `check` needs."""
-    trees = [
-        {
-            "name": tree.name,
-            "prim_name": tree.prim_name,
-            "method": tree.method_name,
-            "seed": tree.seed,
-            "gates": dict(tree.gates),
-            **({"error": errors[tree.name]} if tree.name in errors else {}),
-        }
-        for tree in scene.trees
-    ]
-    return scene.resolved() | {"trees": trees}
+def _build_trees(
+    scene: Scene, trees: Path, jobs: int, on_progress: OnProgress | None
+) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
+    """Build all trees below a folder; returns seconds by prim name, and by name why a tree could not be built."""
+    outcomes = run_parallel(_build_job, [_Job(tree, trees) for tree in scene.trees], jobs, on_progress)
+    seconds, errors = {}, {}
+    for tree, outcome in zip(scene.trees, outcomes, strict=True):
+        if isinstance(outcome, StageError):
+            errors[tree.name] = str(outcome)
+        else:
+            seconds[tree.prim_name] = outcome
+    return seconds, errors
 
 
-def _check_inputs(scene: Scene) -> None:
-    """Read every photo and stroke set once, so that a bad one is told before anything is written."""
+def check_inputs(scene: Scene) -> None:
+    """Read every photo and stroke set once, so that a bad one is told before anything is written.
+
+    Raises:
+        InputError: one of them cannot be used.
+    """
+    sizes: dict[Path, tuple[int, int]] = {}
     for tree in scene.trees:
         for view in tree.views:
-            load_source(view)
+            if view.photo not in sizes:
+                sizes[view.photo] = load_photo(view.photo).size
+            width, height = sizes[view.photo]
+            load_strokes(view.strokes, (width, height))
+            if view.root is not None and not (0 <= view.root[0] <= width and 0 <= view.root[1] <= height):
+                raise InputError(
+                    f"{scene.path}: tree '{tree.name}': root: expected a point inside the photo {view.photo}"
+                    f" ({width} x {height} px), came {list(view.root)}: measure it in the upright photo"
+                )
 
 
-def _check_out(out: Path) -> None:
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file; expected a folder to write to: choose another with -o")
+def _write_stage(scene: Scene, folder: Path) -> None:
+    """Write the scene's stage beside its trees; none where no tree could be built."""
+    from forestgen.usd.forest_scene import write_forest
+
+    forest = place(scene)
+    if len(forest):
+        trees = {prim: folder / "trees" / prim for prim in forest.prototypes}
+        write_forest(
+            forest,
+            {prim: tree / f"{prim}.usda" for prim, tree in trees.items()},
+            {prim: tree / "cameras.usda" for prim, tree in trees.items()},
+            folder / stage_name(scene.prim_name),
+            scene.prim_name,
+        )
 
 
 def _without(scene: Scene, names: set[str]) -> Scene:
@@ -213,10 +215,53 @@ def _unfinished(on_progress: OnProgress | None) -> OnProgress | None:
 
 
 def tree_names(out: Path) -> list[str]:
-    """Names of the trees of a build that can be checked, in their order."""
+    """Names of the trees of a build that can be checked, in their order.
+
+    Raises:
+        InputError: `out` is not a build.
+    """
     from forestgen.check.output import read_build
 
     return [entry["name"] for entry in read_build(out)["trees"]]
+
+
+def check_output(out: Path, *, jobs: int = 1, on_progress: OnProgress | None = None) -> dict[str, Any]:
+    """Render and score the trees of a build as written, and write its report anew; returns the report.
+
+    Raises:
+        InputError: `out` is not a build, or a file of it is missing or broken.
+        RenderError: there is no OpenGL to render with. The earlier report stays, as with every error.
+    """
+    from forestgen.check.output import read_build
+
+    out = Path(out)
+    read_build(out)
+    with staging(out) as work:
+        report = _check(out, work, jobs, on_progress)
+        install(work, out, REPORT)
+    return report
+
+
+def _check(build: Path, target: Path, jobs: int, on_progress: OnProgress | None) -> dict[str, Any]:
+    """Score the trees of the folder `build`; the report and its pictures go to the folder `target`."""
+    from forestgen.check.output import check_job, failed_report, read_build
+    from forestgen.check.report import write_report
+
+    content = read_build(build)
+    entries = content["trees"]
+    seconds = read_seconds(build)
+    pictures = target / REPORT[0]
+    pictures.mkdir()
+    work = [
+        failed_report(entry, entry["error"]) if "error" in entry else check_job(build, entry, pictures)
+        for entry in entries
+    ]
+    outcomes = run_parallel(_check_job, work, jobs, on_progress)
+    trees = []
+    for entry, tree in zip(entries, outcomes, strict=True):
+        scored = failed_report(entry, str(tree)) if isinstance(tree, StageError) else tree
+        trees.append(replace(scored, seconds={**seconds.get(entry["prim_name"], {}), **(scored.seconds or {})}))
+    return write_report(target, content["scene"], trees)
 
 
 def _check_job(job: CheckJob | TreeReport, on_stage: OnStage) -> TreeReport:
@@ -226,24 +271,6 @@ def _check_job(job: CheckJob | TreeReport, on_stage: OnStage) -> TreeReport:
     if isinstance(job, TreeReport):  # a tree that could not be built
         return job
     on_stage("check", 0, 0)
-    return check_tree(job)
-
-
-def check_output(out: Path, *, jobs: int = 1, on_progress: OnProgress | None = None) -> dict[str, Any]:
-    """Render and score the trees of a build as written, and write its report anew; returns the report.
-
-    Raises:
-        InputError: `out` is not a build, or a file of it is missing or broken.
-        RenderError: there is no OpenGL to render with.
-    """
-    from forestgen.check.output import check_job, failed_report, read_build, replacing_pictures
-    from forestgen.check.report import write_report
-
-    build = read_build(out)
-    with replacing_pictures(out) as pictures:
-        work = [
-            failed_report(entry, entry["error"]) if "error" in entry else check_job(out, entry, pictures)
-            for entry in build["trees"]
-        ]
-        trees = run_parallel(_check_job, work, jobs, on_progress)
-    return write_report(out, build["scene"], trees)
+    start = perf_counter()
+    report = check_tree(job)
+    return replace(report, seconds={"check": round(perf_counter() - start, 3)})

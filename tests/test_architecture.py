@@ -21,9 +21,13 @@ LAYERS = [
     "render",
     "usd",
     "check",
+    "interrupts",
+    "staging",
     "workers",
     "summary",
+    "progress",
     "doctor",
+    "build_record",
     "pipeline",
     "cli",
 ]
@@ -38,7 +42,7 @@ ONLY_IN = {
     "typer": "cli.py",
 }
 CLOCKS = {"time", "datetime", "uuid", "random", "secrets"}
-MAY_TIME = {"tree/build.py"}
+MAY_TIME = {"tree/build.py", "pipeline.py"}
 
 
 def imports(path: Path) -> list[tuple[str, list[str]]]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,7 +58,7 @@ def check_job(out: Path, entry: Mapping[str, Any], folder: Path) -> CheckJob:
 
 
 def check_tree(job: CheckJob) -> TreeReport:
-    """Score one tree as written, and draw its pictures.
+    """Score one tree as written, and draw its pictures. How long its stages took is not known here.
 
     Raises:
         InputError: its folder is missing or broken.
@@ -88,7 +86,6 @@ def check_tree(job: CheckJob) -> TreeReport:
         seed=provenance.seed,
         gates=job.gates,
         views=rows,
-        seconds=provenance.seconds,
         counts={"branches": int(np.count_nonzero(is_tip)), **count(drawables)},
         costs={name: cost.tolist() for name, cost in provenance.costs.items()},
         notes=provenance.notes,
@@ -106,20 +103,3 @@ def failed_report(entry: Mapping[str, Any], error: str) -> TreeReport:
         make_gates(entry.get("gates") or {}),
         error=error,
     )
-
-
-@contextmanager
-def replacing_pictures(out: Path) -> Iterator[Path]:
-    """Give a fresh folder that takes the place of OUT/report at the end; until then the old one stays."""
-    target, work, old = out / REPORT, out / f".partial_{REPORT}", out / f".old_{REPORT}"
-    for stale in (work, old):
-        shutil.rmtree(stale, ignore_errors=True)
-    work.mkdir()
-    try:
-        yield work
-        if target.exists():
-            target.rename(old)
-        work.rename(target)
-    finally:
-        for stale in (work, old):
-            shutil.rmtree(stale, ignore_errors=True)

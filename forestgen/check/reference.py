@@ -43,7 +43,6 @@ class Provenance:
     height: float  # m
     skeleton: Skeleton
     costs: Mapping[str, NDArray[np.float64]]  # per growth iteration, by name
-    seconds: Mapping[str, float]  # per stage
     notes: tuple[str, ...]
 
 
@@ -152,7 +151,6 @@ def write_provenance(model: TreeModel, folder: Path) -> None:
             "seed": model.seed,
             "height": model.height,
             "views": len(model.views),
-            "seconds": {stage: round(float(s), 3) for stage, s in model.seconds.items()},
             "costs": {name: [_finite(c) for c in np.asarray(cost).tolist()] for name, cost in model.costs.items()},
             "notes": list(model.notes),
         },
@@ -179,7 +177,6 @@ def read_provenance(folder: Path) -> Provenance:
                 name: np.array([np.nan if c is None else c for c in cost], float)
                 for name, cost in kept["costs"].items()
             },
-            seconds=kept["seconds"],
             notes=tuple(kept["notes"]),
         )
     except (OSError, EOFError, KeyError, TypeError, AttributeError, ValueError, BadZipFile) as error:

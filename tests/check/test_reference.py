@@ -64,7 +64,6 @@ def test_provenance_comes_back_as_it_was(model, tmp_path):
     assert_array_equal(back.skeleton.position, model.skeleton.position)
     assert_array_equal(back.skeleton.parent, model.skeleton.parent)
     assert_array_equal(back.costs["image_cost"], model.costs["image_cost"])
-    assert back.seconds == {"grow": 0.25}
     assert back.notes == model.notes
 
 
