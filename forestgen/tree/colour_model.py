@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from forestgen.arrays import freeze
 NOISE = 1.5 / 255  # no component is narrower than this in any direction: rounding and JPEG noise
 ENOUGH_SAMPLES = 20_000  # a mixture of ten is fitted on no more pixels than this
 MAX_STEPS = 30  # of expectation-maximisation; the likelihood rises at each, the last ones change little
+LEAST_MASS = 1e-6  # share of the samples below which a component is given up
 SETTLED = 1e-3  # nats a pixel: less gain in one step ends the fit
 
 
@@ -33,7 +35,7 @@ class Mixture:
 
     def joint_log_density(self, rgb: NDArray[np.floating]) -> NDArray[np.float32]:
         """log(weight_k * N_k(colour)) of each colour (N, 3) and component: (N, K)."""
-        return np.asarray(_quadratic_terms(rgb) @ self._coefficients())
+        return np.asarray((self._coefficients().astype(np.float32) @ _quadratic_terms(rgb, np.float32)).T)
 
     def log_density(self, rgb: NDArray[np.floating]) -> NDArray[np.float32]:
         """Log of the mixture's density at each colour of an array (..., 3): (...)."""
@@ -47,8 +49,8 @@ class Mixture:
             raise ValueError("a mixture needs at least one component")
         return Mixture(weight / weight.sum(), self.mean[which], self.covariance[which])
 
-    def _coefficients(self) -> NDArray[np.float32]:
-        """Factors (10, K) of the terms of `_quadratic_terms`."""
+    def _coefficients(self) -> NDArray[np.float64]:
+        """Factors (K, 10) of the terms of `_quadratic_terms`."""
         precision = np.linalg.inv(self.covariance)
         mean = self.mean - 0.5
         linear = np.einsum("kij,kj->ki", precision, mean)
@@ -59,22 +61,23 @@ class Mixture:
         )
         square = -0.5 * precision[:, [0, 1, 2], [0, 1, 2]]
         cross = -precision[:, [0, 0, 1], [1, 2, 2]]
-        return np.concatenate([constant[:, None], linear, square, cross], axis=1).T.astype(np.float32)
+        return np.concatenate([constant[:, None], linear, square, cross], axis=1)
 
 
-def _quadratic_terms(rgb: NDArray[np.floating]) -> NDArray[np.float32]:
-    """1, x, x^2 and cross terms (N, 10) of colours about mid-grey: any log Gaussian is linear in them."""
-    x = np.asarray(rgb, np.float32) - np.float32(0.5)
-    terms = np.empty((len(x), 10), np.float32)
-    terms[:, 0] = 1
-    terms[:, 1:4] = x
-    np.multiply(x, x, out=terms[:, 4:7])
-    np.multiply(x[:, [0, 0, 1]], x[:, [1, 2, 2]], out=terms[:, 7:10])
+def _quadratic_terms(rgb: NDArray[np.floating], kind: type[np.floating]) -> NDArray[Any]:
+    """1, x, x^2 and cross terms (10, N) of colours about mid-grey: any log Gaussian is linear in them."""
+    x = rgb.T.astype(kind) - kind(0.5)
+    terms = np.empty((10, x.shape[1]), kind)
+    terms[0] = 1
+    terms[1:4] = x
+    np.multiply(x, x, out=terms[4:7])
+    for row, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=7):
+        np.multiply(x[i], x[j], out=terms[row])
     return terms
 
 
-def log_sum(joint: NDArray[np.float32]) -> NDArray[np.float32]:
-    """log of the sum of exp over the last axis."""
+def log_sum(joint: NDArray[Any]) -> NDArray[Any]:
+    """log of the sum of exp over the last axis (fast where that is the outer one in memory)."""
     top = joint.max(axis=-1)
     return np.asarray(top + np.log(np.exp(joint - top[..., None]).sum(axis=-1)))
 
@@ -85,11 +88,12 @@ def fit_mixture(
     *,
     rng: np.random.Generator,
     weight: NDArray[np.floating] | None = None,
+    start: Mixture | None = None,
 ) -> Mixture:
     """Fit up to n Gaussians to colours (N, 3) in [0, 1], each counting `weight` (N,), by EM.
 
-    Of many colours a subsample is drawn. Starts from distant samples (k-means++) and takes fewer
-    components where there are fewer than ten samples for each.
+    Of many colours a subsample is drawn. Begins at `start`, or else at distant samples (k-means++),
+    and takes fewer components where there are fewer than ten samples for each.
 
     Raises:
         ValueError: there is no colour at all.
@@ -97,21 +101,23 @@ def fit_mixture(
     if not len(rgb):
         raise ValueError("a mixture needs at least one sample")
     if len(rgb) > ENOUGH_SAMPLES:
-        pick = rng.choice(len(rgb), ENOUGH_SAMPLES, replace=False)
+        pick = rng.integers(len(rgb), size=ENOUGH_SAMPLES)
         rgb, weight = rgb[pick], None if weight is None else weight[pick]
     x = np.asarray(rgb, np.float64)
     w = np.full(len(x), 1 / len(x)) if weight is None or not weight.sum() > 0 else weight / weight.sum()
-    n = max(1, min(n, len(x) // 10))
-    share = _nearest_seed(x, _distant_seeds(x, w, n, rng))
-    terms, before = _quadratic_terms(x), -np.inf
+    terms, before = _quadratic_terms(x, np.float64), -np.inf
+    if start is None:
+        seeds = _distant_seeds(x, w, max(1, min(n, len(x) // 10)), rng)
+        model = _maximise(terms, w, _nearest_seed(x, seeds))
+    else:
+        model = start
     for _ in range(MAX_STEPS):
-        model = _maximise(x, w, share)
-        joint = (terms @ model._coefficients()).astype(np.float64)
-        total = log_sum(joint)  # type: ignore[arg-type]
+        joint = model._coefficients() @ terms
+        total = log_sum(joint.T)
         fit = float(w @ total)
         if fit - before < SETTLED:
             break
-        share, before = np.exp(joint - total[:, None]), fit
+        model, before = _maximise(terms, w, np.exp(joint - total)), fit
     return model
 
 
@@ -129,20 +135,21 @@ def _distant_seeds(
 
 
 def _nearest_seed(x: NDArray[np.float64], seeds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One-hot responsibilities (N, K) of the nearest seeds."""
-    nearest = ((x[:, None] - seeds) ** 2).sum(axis=2).argmin(axis=1)
-    return np.eye(len(seeds))[nearest]
+    """One-hot responsibilities (K, N) of the nearest seeds."""
+    distance = (seeds**2).sum(axis=1)[:, None] - 2 * seeds @ x.T
+    return np.asarray(distance.argmin(axis=0) == np.arange(len(seeds))[:, None], np.float64)
 
 
-def _maximise(x: NDArray[np.float64], w: NDArray[np.float64], share: NDArray[np.float64]) -> Mixture:
-    """The mixture that fits the responsibilities (N, K) best; components that nothing chose are dropped."""
-    mass = w @ share
-    share, mass = share[:, mass > 1e-6], mass[mass > 1e-6]
-    weighted = share * w[:, None]
-    mean = weighted.T @ x / mass[:, None]
-    second = np.stack([(weighted[:, k, None] * (x - mean[k])).T @ (x - mean[k]) for k in range(len(mass))])
-    covariance = second / mass[:, None, None] + NOISE**2 * np.eye(3)
-    return Mixture(mass / mass.sum(), mean, covariance)
+def _maximise(terms: NDArray[np.float64], w: NDArray[np.float64], share: NDArray[np.float64]) -> Mixture:
+    """The mixture that fits the responsibilities (K, N) best; components that nothing chose are dropped."""
+    moment = (share * w) @ terms.T  # (K, 10): mass, first and second moments about mid-grey
+    moment = moment[moment[:, 0] > LEAST_MASS]
+    mass = moment[:, 0]
+    moment = moment / mass[:, None]
+    mean = moment[:, 1:4]
+    second = moment[:, [4, 7, 8, 7, 5, 9, 8, 9, 6]].reshape(-1, 3, 3)
+    covariance = second - mean[:, :, None] * mean[:, None] + NOISE**2 * np.eye(3)
+    return Mixture(mass / mass.sum(), mean + 0.5, covariance)
 
 
 def component_distance(a: Mixture, b: Mixture) -> NDArray[np.float64]:

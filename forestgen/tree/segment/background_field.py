@@ -27,38 +27,43 @@ class BackgroundField:
     def log_density(self, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
         """Log density of each pixel's colour (h, w, 3) under the model of its own place: (h, w)."""
         size = rgb.shape[1::-1]
-        joint = np.empty((*rgb.shape[:2], len(self.log_scale)), np.float32)
+        joint = np.empty((len(self.log_scale), *rgb.shape[:2]), np.float32)
         for k, root in enumerate(self.precision_root):
-            z = (rgb - cv2.resize(self.mean[:, :, k], size, interpolation=cv2.INTER_LINEAR)) @ root
-            weight = cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR)
-            joint[..., k] = np.log(weight) + self.log_scale[k] - 0.5 * np.einsum("hwi,hwi->hw", z, z)
-        return log_sum(joint)
+            away = rgb - cv2.resize(self.mean[:, :, k], size, interpolation=cv2.INTER_LINEAR)
+            away = cv2.transform(away, root)
+            np.log(cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR), out=joint[k])
+            joint[k] += self.log_scale[k] - np.float32(0.5) * np.einsum("hwi,hwi->hw", away, away)
+        return np.asarray(log_sum(joint.transpose(1, 2, 0)))
 
 
-def spread_background(rgb: NDArray[np.float32], certainty: NDArray[np.float32], model: Mixture) -> BackgroundField:
+def spread_background(
+    rgb: NDArray[np.float32], certainty: NDArray[np.float32], is_open: NDArray[np.bool_], model: Mixture
+) -> BackgroundField:
     """Let a mixture follow the place: at each cell, what the samples near it say.
 
-    `certainty` (h, w) in [0, 1] says how surely each pixel is background. A sample's say falls off
-    with distance like a sum of Gaussians (REACH), so it never ends, and near ones win.
+    `certainty` (h, w) in [0, 1] says how surely each pixel is background: the colours are learnt
+    from all of it. Which of them occur where is learnt from open background alone (`is_open`), for
+    a small dark spot in the crown must not make darkness likely around it. A sample's say falls
+    off with distance like a sum of Gaussians (REACH): it never ends, and near ones win.
     """
     h, w = certainty.shape
-    step = max(1, round(max(h, w) / CELLS))
-    cells = (-(-w // step), -(-h // step))
-    sample = np.flatnonzero(certainty.ravel() > 0.05)
-    colour = rgb.reshape(-1, 3)[sample]
+    cells = [max(1, round(side * CELLS / max(h, w))) for side in (h, w)]
+    row, column = np.nonzero(certainty > 0.05)
+    colour = rgb[row, column]
     joint = model.joint_log_density(colour)
-    share = np.exp(joint - log_sum(joint)[:, None]) * certainty.ravel()[sample][:, None]
-    cell = (sample // w) // step * cells[0] + (sample % w) // step
+    share = np.exp(joint - log_sum(joint)[:, None]) * certainty[row, column][:, None]
+    cell = row * cells[0] // h * cells[1] + column * cells[1] // w
     n = cells[0] * cells[1]
-    mass = np.stack([np.bincount(cell, s, n) for s in share.T], axis=1)
-    first = np.stack([np.stack([np.bincount(cell, s * c, n) for c in colour.T], axis=1) for s in share.T], axis=1)
-    grid = np.concatenate([mass[..., None], first], axis=2).reshape(cells[1], cells[0], -1)
-    smooth = _spread(grid.astype(np.float32)).reshape(cells[1], cells[0], len(model), 4)
-    smooth /= np.maximum(smooth[..., 0].sum(axis=2).max(), 1e-12)  # densest place = 1
-    near = smooth[..., 0] + 1e-6
-    mean = (smooth[..., 1:] + 1e-6 * model.mean) / near[..., None]
-    total = near.sum(axis=2, keepdims=True)
-    weight = (near / total + ANCHOR * model.weight) / (1 + ANCHOR)
+
+    def gather(value: NDArray[np.float32]) -> NDArray[np.float32]:
+        grid = np.stack([np.bincount(cell, v, n) for v in value.T], axis=1).reshape(*cells, -1)
+        return _spread(grid.astype(np.float32))
+
+    near = gather(share)[..., None] + 1e-9
+    first = gather((share[:, :, None] * colour[:, None]).reshape(len(colour), -1))
+    mean = (first.reshape(*cells, len(model), 3) + 1e-9 * model.mean) / near
+    occurs = gather(share * is_open[row, column][:, None])
+    weight = (occurs / np.maximum(occurs.sum(axis=2, keepdims=True), 1e-12) + ANCHOR * model.weight) / (1 + ANCHOR)
     fitted = mean.reshape(n, len(model), 3)[cell]
     away = colour[:, None] - fitted
     covariance = np.einsum("nk,nki,nkj->kij", share, away, away, optimize=True) / (
@@ -76,12 +81,9 @@ def spread_background(rgb: NDArray[np.float32], certainty: NDArray[np.float32], 
 def _spread(grid: NDArray[np.float32]) -> NDArray[np.float32]:
     """A grid (a, b, C) smoothed by a kernel with a sharp peak and far tails."""
     out = np.zeros_like(grid)
-    pad = max(grid.shape[:2])
     for sigma, weight in REACH:
-        wide = np.pad(grid, ((0, 0), (0, 0), (0, 0)))
+        reach = sigma * max(grid.shape[:2])
         for c in range(grid.shape[2]):
-            blurred = cv2.GaussianBlur(
-                np.ascontiguousarray(wide[..., c]), (0, 0), sigma * pad, borderType=cv2.BORDER_CONSTANT
-            )
-            out[..., c] += weight * blurred
+            layer = np.ascontiguousarray(grid[..., c])
+            out[..., c] += weight * cv2.GaussianBlur(layer, (0, 0), reach, borderType=cv2.BORDER_CONSTANT)
     return out

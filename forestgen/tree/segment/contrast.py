@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
@@ -23,6 +24,8 @@ BACKGROUND_COLOURS = 8  # Gaussians for what is around the tree: sky, cloud, hil
 ROUNDS = 3  # of refitting both models to what they found
 STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
 SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
+HEART, HEART_DEPTH = 0.0, 0.2  # what the middle of the crown adds, reached at this depth
+GAP, OPEN = 3, 0.5 # px
 FAINT = -50.0  # nats, for places that are out of the question
 
 
@@ -47,16 +50,19 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
         raise StageError("no background is left around 'crown': draw a background stroke, or take a wider photo")
     prior = outline_prior(region)
     colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
-    background = spread_background(rgb, is_ring.astype(np.float32), colours)
+    background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
     known = background.log_density(rgb)
     limit = float(np.quantile(known[is_ring], STRANGE))
     is_tree = expit(limit - known[is_inside])
+    tree = None
     for _ in range(ROUNDS):
-        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6)
+        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6, start=tree)
         is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside])
         certainty = is_ring.astype(np.float32)
-        certainty[is_inside & ~is_ring] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
-        background = spread_background(rgb, certainty, colours)
+        gap = is_inside & ~is_ring
+        certainty[gap] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
+        is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
+        background = spread_background(rgb, certainty, is_open, colours)
         known = background.log_density(rgb)
     return _whole_region(region, tree, background.log_density(region.rgb), prior)
 
@@ -71,5 +77,6 @@ def _whole_region(
 
 
 def outline_prior(region: Region) -> NDArray[np.float32]:
-    """Log odds (h, w) of tree from the place alone: 1 well inside the outline, 0 on it, -2 well outside."""
-    return np.clip(region.depth / np.float32(SURE_DEPTH * region.size_px), -2, 1)
+    """Log odds (h, w) of tree from the place alone: -2 outside the outline, 0 on it, rising inwards."""
+    depth = region.depth / np.float32(region.size_px)
+    return np.clip(depth / np.float32(SURE_DEPTH), -2, 1) + np.float32(HEART) * np.clip(depth / np.float32(HEART_DEPTH), 0, 1)

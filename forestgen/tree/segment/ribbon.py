@@ -80,7 +80,7 @@ def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: floa
 def stations(
     path: NDArray[np.float64], pitch: float, *, smooth: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (S, 2) every `pitch` px along a polyline, and unit normals (S, 2) to its right, smoothed over `smooth` px."""
+    """Points (S, 2) every `pitch` px along a polyline, and unit normals (S, 2), smoothed over `smooth` px."""
     path = path[np.concatenate([[True], np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9])]
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     n = max(3, int(along[-1] / pitch) + 1)

@@ -95,14 +95,14 @@ def _colours(
     leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng)
     for _ in range(ROUNDS):
         is_leaf = expit(leaf.log_density(crown) - wood.log_density(crown) - ELSEWHERE)
-        leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng, weight=is_leaf)
+        leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng, weight=is_leaf, start=leaf)
     distinct = component_distance(wood, leaf).min(axis=1) > TOO_NEAR
     return (wood.subset(distinct) if distinct.any() else None), leaf
 
 
 def _without_specks(is_wood: NDArray[np.bool_], on_limb: NDArray[np.bool_], region: Region) -> NDArray[np.bool_]:
     """The mask without patches that are tiny and touch no stroked limb."""
-    n, label, stats, _ = cv2.connectedComponentsWithStats(is_wood.astype(np.uint8), connectivity=8)
+    _, label, stats, _ = cv2.connectedComponentsWithStats(is_wood.astype(np.uint8), connectivity=8)
     keep = stats[:, cv2.CC_STAT_AREA] >= max(4, SPECK * region.size_px**2)
     keep[np.unique(label[on_limb & is_wood])] = True
     keep[0] = False
