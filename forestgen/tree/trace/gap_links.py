@@ -42,7 +42,7 @@ class FreeEnds:
 
 def free_ends(network: WoodNetwork, trunk: NDArray[np.float64], view_px: float, least_px: float) -> FreeEnds:
     """All free ends of parts of the network that are long enough to have a direction. `trunk` (K, 2) px."""
-    total = np.bincount(network.component, weights=network.length)
+    total = np.bincount(network.component, weights=network.length).astype(np.float64)
     where = [(int(p), int(s)) for p, s in np.argwhere(network.ends < 0) if total[network.component[p]] >= least_px]
     xy, inward = np.zeros((len(where), 2)), np.zeros((len(where), 2))
     for index, (piece, side) in enumerate(where):

@@ -116,7 +116,8 @@ class SmoothPaths(Strategy):
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])
-        trust = 1 / (1 + 20 * at_points(cv2.blur(model.is_foliage.astype(np.float32), (9, 9)), xy[kept]))
+        leafy = np.asarray(cv2.blur(model.is_foliage.astype(np.float32), (9, 9)), np.float32)
+        trust = 1 / (1 + 20 * at_points(leafy, xy[kept]))
         lines = centre_lines(xy[kept], above, width[kept], hidden[kept], trust, max(self.smooth * tall, 1.5))
         return assemble(lines, model, off_px=max(self.off_line * tall, 0.6), longest_px=self.longest_edge * tall)
 

@@ -30,12 +30,14 @@ def wood_network(wood: NDArray[np.bool_], distance: NDArray[np.float32], foot: N
     thinning makes them at every unevenness of a limb's edge. The medial line of a trunk forks into
     the corners of its foot, so that pixels of `foot` (H, W) are left out.
     """
+    from skimage.morphology import skeletonize  # its import is felt; it thins five times faster than OpenCV
+
     row, column = np.flatnonzero(wood.any(axis=1)), np.flatnonzero(wood.any(axis=0))
     if not len(row):
         return cut_at_junctions(wood)
     tight = np.s_[max(row[0] - 1, 0) : row[-1] + 2, max(column[0] - 1, 0) : column[-1] + 2]  # thinning costs by area
     thin = np.zeros(wood.shape, bool)
-    thin[tight] = cv2.ximgproc.thinning(wood[tight].astype(np.uint8) * 255, thinningType=cv2.ximgproc.THINNING_GUOHALL)
+    thin[tight] = skeletonize(np.array(wood[tight]))
     thin &= ~foot
     for _ in range(2):  # a spur may stand on a spur
         network = cut_at_junctions(thin)
@@ -70,7 +72,7 @@ def cut_at_junctions(thin: NDArray[np.bool_]) -> WoodNetwork:
     row, column = row[order], column[order]
     label = piece[row, column]
     bounds = np.flatnonzero(np.diff(label)) + 1
-    padded = np.pad(junction, 1)
+    padded = np.pad(np.asarray(junction, np.int32), 1)
     points, ends, parts = [], [], []
     for rows, columns in zip(np.split(row, bounds), np.split(column, bounds), strict=True):
         if not len(rows):
