@@ -240,7 +240,7 @@ def test_faces_outside_the_points_are_refused():
 
 def test_without_opengl_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyrender", None)
-    with pytest.raises(RenderError, match="apt-get install -y libegl1 libgl1-mesa-dri libgles2"):
+    with pytest.raises(RenderError, match="apt-get install -y libgl1 libegl1 libgl1-mesa-dri"):
         Studio([])
 
 

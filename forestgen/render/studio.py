@@ -22,7 +22,7 @@ from forestgen.render.drawable import Drawable, extent_along, vertex_normals
 from forestgen.render.projection import camera_pose, projection
 from forestgen.render.sunlight import FAR, NEAR, clip_depth, depth_texture, sun_camera, sunlit_renderer
 
-REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libegl1 libgl1-mesa-dri libgles2"
+REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
 SHADERS = Path(__file__).parent / "shaders"
 LEAF, WOOD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # codes of the class picture
 
@@ -35,6 +35,9 @@ def _pyrender() -> Any:
     """
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     try:
+        import pyglet
+
+        pyglet.options["headless"] = True  # pyrender's viewer, never shown, would ask for X libraries
         import pyrender  # noqa: TID251 - this is the one place
         import pyrender.shader_program  # noqa: TID251
     except Exception as error:  # PyOpenGL fails in many ways where a library is missing
