@@ -101,7 +101,7 @@ def span(
         cost += price[piece]
         exit_junction = network.ends[piece][1 - side]
         if exit_junction >= 0:
-            arriving = tree.arriving(node, prices.view_px)
+            arriving = tree.arriving(node, max(prices.view_px, 5 * width[piece]))
             if passed[exit_junction]:
                 closes[piece] = first
             passed[exit_junction] = True
@@ -161,12 +161,13 @@ def _turn_price(
     points = network.points[piece][:: 1 if side == 0 else -1]
     column, row = points[0].astype(int)
     start = min(int(distance[row, column]), max(0, len(points) - 3))
-    end = min(start + int(prices.view_px), len(points) - 1)
+    view = max(prices.view_px, 3 * float(distance[row, column]))
+    end = min(start + int(view), len(points) - 1)
     leaving = points[end] - points[start]
     size = float(np.hypot(*leaving) * np.hypot(*arriving))
     if size == 0:
         return 0.0
-    trust = min(1.0, (end - start) / prices.view_px)  # the next piece is compared over this one's whole length
+    trust = min(1.0, (end - start) / view)  # the next piece is compared over this one's whole length
     return float(prices.turn_px * trust * turn_measure(leaving @ arriving / size))
 
 

@@ -95,21 +95,19 @@ def test_wood_seen_through_a_gap_in_the_leaves_is_linked() -> None:
 
 
 def test_crossing_branches_go_straight_on() -> None:
-    #   3     4    the limb 1-4 crosses the limb 2-3: neither turns into the other
-    #    \   /
-    #      X
-    #    /   \
-    #   1--0--2
+    #   3   4    two limbs part, bend back and cross: neither turns into the other
+    #    \ /
+    #     X
+    #    / \
+    #    \ /
+    #     0
     size = (300, 300)
-    feet = [np.array([[150.0, 290], [150, 250], [60, 230]]), np.array([[150.0, 250], [240, 230]])]
-    limbs = [np.array([[60.0, 230], [240, 40]]), np.array([[240.0, 230], [60, 40]])]
-    wood = np.zeros((300, 300), bool)
-    for path in [*feet, *limbs]:
-        wood |= draw_polyline(path, size, 7)
-    strokes = Strokes(np.array([[10.0, 10], [290, 10], [290, 240], [10, 240]]), (feet[0][:2],))
+    limb = np.array([[150.0, 290], [150, 265], [90, 225], [75, 190], [90, 150], [220, 20]])
+    wood = draw_polyline(limb, size, 7) | draw_polyline([300, 0] + limb * [-1, 1], size, 7)
+    strokes = Strokes(np.array([[10.0, 10], [290, 10], [290, 240], [10, 240]]), (limb[:2],))
     mattes = Mattes(np.zeros((300, 300), np.float32), wood.astype(np.float32))
     graph = SmoothPaths()(Photo(np.zeros((300, 300, 3), np.uint8), "x"), strokes, mattes, rng=np.random.default_rng(0))
-    for tip, side in (((240, 40), 60), ((60, 40), 240)):
+    for tip, side in (((220, 20), 75), ((80, 20), 225)):
         node = int(np.argmin(np.hypot(*(graph.xy - tip).T)))
         assert np.hypot(*(graph.xy[node] - tip)) < 10
         way = [node]
