@@ -30,7 +30,7 @@ class SpreadBranches(Strategy):
     greatest_lean_deg: float = 60.0  # out of the photo's plane: at most half of a branch is foreshortened away
     upward_share: float = 0.35  # depth that a branch gains where it runs along its parent; sideways counts 1
     longest: float = 1.15  # a leaning branch's length, at most, over that of the longest branch of its parent
-    plainness: float = 0.25  # how much of the distance a lean must gain to be preferred over the photo's plane
+    plainness: float = 0.1  # how much of the distance a lean must gain to be preferred over the photo's plane
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:
         if len(views) != 1:

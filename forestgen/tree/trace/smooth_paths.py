@@ -60,8 +60,9 @@ class SmoothPaths(Strategy):
     turn: float = 0.15  # a turn by 90 degrees costs as much as this length of wood
     on_stroke: float = 0.35  # price of a length under a stroke; plain wood costs 1
     hidden: float = 2.5  # price of a hidden length
+    least_linked: float = 0.015  # wood seen for less than this beyond leaves is not worth a link
     longest_link: float = 0.16  # a branch is hidden behind leaves for at most this length
-    longest_share: float = 4.0  # nor for longer than this many times the visible length beyond
+    longest_share: float = 3.0  # nor for longer than this many times the visible length beyond
     most_open: float = 0.15  # of a link may lie before open background
     smooth: float = 0.004  # sigma along a branch; wider wood is smoothed more
     off_line: float = 0.0007  # a polyline's greatest distance from its smooth line
@@ -94,7 +95,7 @@ class SmoothPaths(Strategy):
             on_stroke=self.on_stroke,
             links=LinkRules(
                 longest_px=self.longest_link * tall,
-                least_piece_px=self.least_wood * tall,
+                least_piece_px=self.least_linked * tall,
                 longest_share=self.longest_share,
                 price=self.hidden,
                 most_open=self.most_open,
@@ -112,7 +113,7 @@ class SmoothPaths(Strategy):
         )
         xy, parent, hidden = np.array(tree.xy), np.array(tree.parent), np.array(tree.is_hidden)
         width = raw_half_width(model.distance, xy)
-        kept = without_twiglets(xy, parent, width, self.least_twig * tall)
+        kept = without_twiglets(xy, parent, width, max(self.least_twig * tall, 4))
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])

@@ -57,7 +57,7 @@ def _is_spur(network: WoodNetwork, piece: int, distance: NDArray[np.float32]) ->
     if free.all() or not free.any():
         return False
     foot = network.points[piece][0 if free[1] else -1].astype(int)
-    return bool(network.length[piece] < 1.2 * distance[foot[1], foot[0]] + 2)
+    return bool(network.length[piece] < 1.5 * distance[foot[1], foot[0]] + 2)  # a corner of a limb's end is 1.4 off
 
 
 def cut_at_junctions(thin: NDArray[np.bool_]) -> WoodNetwork:
