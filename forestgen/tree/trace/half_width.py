@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ def edge_distance(wood: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.asarray(np.maximum(distance - 0.5, 0) * wood, dtype=np.float32)
 
 
-def at_points(image: NDArray[np.floating], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def at_points(image: NDArray[Any], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (K,) of an image (H, W) in the pixels of points (K, 2); the nearest pixel's outside."""
     column, row = points.astype(np.int64).T
     height, width = image.shape

@@ -8,39 +8,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.arrays import freeze
 from forestgen.errors import StageError
 from forestgen.tree.branches import BranchGraph
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes, draw_polyline
-from forestgen.tree.trace.centre_lines import CentreLine, centre_lines, knots_of, without_twiglets
+from forestgen.tree.trace.assembly import assemble
+from forestgen.tree.trace.centre_lines import centre_lines, without_twiglets
 from forestgen.tree.trace.gap_links import LinkRules
-from forestgen.tree.trace.half_width import at_points, edge_distance, falling_fit, raw_half_width, side_weights
+from forestgen.tree.trace.half_width import at_points, raw_half_width
 from forestgen.tree.trace.network_tree import WayPrices, span
 from forestgen.tree.trace.polylines import length_along, point_at, resample
 from forestgen.tree.trace.stroke_routes import route_stroke
+from forestgen.tree.trace.wood_model import WoodModel, wood_model
 from forestgen.tree.trace.wood_network import WoodNetwork, wood_network
-
-
-@dataclass(frozen=True, eq=False)
-class WoodModel:
-    """What is prepared once for a photo's mattes, so that strokes are traced at once."""
-
-    wood: NDArray[np.bool_]  # (H, W) visible wood
-    distance: NDArray[np.float32]  # (H, W) px of each wood pixel to the wood's edge
-    is_foliage: NDArray[np.bool_]  # (H, W)
-    is_covered: NDArray[np.bool_]  # (H, W) leaf or wood, a little widened: a hidden branch may pass here
-
-    def __post_init__(self) -> None:
-        freeze(
-            self,
-            wood=(np.bool_, "H", "W"),
-            distance=(np.float32, "H", "W"),
-            is_foliage=(np.bool_, "H", "W"),
-            is_covered=(np.bool_, "H", "W"),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +56,7 @@ class SmoothPaths(Strategy):
     def prepare(self, mattes: Mattes, strokes: Strokes) -> WoodModel:
         """Clean the branch matte: what does not change while strokes are drawn."""
         tall = drawn_height(strokes)
-        wood = without_specks(mattes.is_branch, round(self.least_wood * tall))
-        wood = behind_leaves(wood, mattes.is_foliage, (self.leaf_hole * tall) ** 2)
-        near = cv2.dilate((mattes.is_tree | wood).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        return WoodModel(wood, edge_distance(wood), mattes.is_foliage, near)
+        return wood_model(mattes, round(self.least_wood * tall), (self.leaf_hole * tall) ** 2)
 
     def trace(self, model: WoodModel, strokes: Strokes) -> BranchGraph:
         """The graph of all visible wood, along the strokes first."""
@@ -117,7 +96,7 @@ class SmoothPaths(Strategy):
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])
-        leafy = np.asarray(cv2.blur(model.is_foliage.astype(np.float32), (9, 9)), np.float32)
+        leafy = cv2.blur(model.is_foliage.astype(np.float32), (9, 9))
         trust = 1 / (1 + 20 * at_points(leafy, xy[kept]))
         lines = centre_lines(xy[kept], above, width[kept], hidden[kept], trust, max(self.smooth * tall, 1.5))
         return assemble(lines, model, off_px=max(self.off_line * tall, 0.6), longest_px=self.longest_edge * tall)
@@ -127,27 +106,6 @@ def drawn_height(strokes: Strokes) -> float:
     """Height of the strokes in the photo, px: what all lengths of a trace are measured by."""
     rows = np.concatenate([strokes.crown, *strokes.branches])[:, 1]
     return max(float(strokes.root[1] - rows.min()), float(np.ptp(rows)), 1.0)
-
-
-def without_specks(wood: NDArray[np.bool_], least_px: int) -> NDArray[np.bool_]:
-    """A mask (H, W) without parts of fewer pixels, and without pinholes: leaf or noise, not a fork."""
-    _, label, stats, _ = cv2.connectedComponentsWithStats(wood.astype(np.uint8), connectivity=8)
-    large = stats[:, cv2.CC_STAT_AREA] >= least_px
-    large[0] = False
-    kept = large[label]
-    _, label, stats, _ = cv2.connectedComponentsWithStats((~kept).astype(np.uint8), connectivity=4)
-    pinhole = stats[:, cv2.CC_STAT_AREA] <= 4
-    pinhole[0] = False
-    return np.asarray(kept | pinhole[label])
-
-
-def behind_leaves(wood: NDArray[np.bool_], is_foliage: NDArray[np.bool_], most_px: float) -> NDArray[np.bool_]:
-    """The mask (H, W) with what lies behind leaves all around which wood is seen, up to an area in px."""
-    _, label, stats, _ = cv2.connectedComponentsWithStats((~wood).astype(np.uint8), connectivity=4)
-    leafy = np.bincount(label[is_foliage], minlength=len(stats))
-    hole = (stats[:, cv2.CC_STAT_AREA] <= most_px) & (leafy > 0.5 * stats[:, cv2.CC_STAT_AREA])
-    hole[0] = False
-    return np.asarray(wood | hole[label])
 
 
 def trunk_foot(
@@ -185,54 +143,3 @@ def entries(network: WoodNetwork, point: NDArray[np.float64], least_px: float) -
     piece, side = (int(i) for i in np.unravel_index(int(np.argmin(away)), away.shape))
     junction = network.ends[piece, side]
     return [(piece, side)] if junction < 0 else list(network.pieces_at[junction])
-
-
-def assemble(lines: list[CentreLine], model: WoodModel, *, off_px: float, longest_px: float) -> BranchGraph:
-    """Nodes and radii of the lines: radii fall along each line, and no branch is thicker than its parent there."""
-    feet: list[list[int]] = [[] for _ in lines]
-    for line in lines[1:]:
-        feet[line.parent].append(line.foot)
-    xy, parent, radius = [], [], []
-    node_of: list[dict[int, int]] = []
-    fitted: list[NDArray[np.float64]] = []
-    count = 0
-    for index, line in enumerate(lines):
-        most = np.inf if line.parent < 0 else float(fitted[line.parent][line.foot])
-        half = line_radius(line, model, most)
-        fitted.append(np.where(np.isnan(half), _carried(half, most), half))
-        knots = knots_of(line, feet[index], off_px, longest_px)
-        if line.parent >= 0:
-            knots = knots[1:]  # the foot is the parent's node
-        before = -1 if line.parent < 0 else node_of[line.parent][line.foot]
-        names = {int(knot): count + i for i, knot in enumerate(knots)}
-        if line.parent >= 0:
-            names[0] = before
-        node_of.append(names)
-        parent += [before, *range(count, count + len(knots) - 1)]
-        xy.append(line.xy[knots])
-        radius.append(half[knots])
-        count += len(knots)
-    return BranchGraph(np.concatenate(xy), np.array(parent), np.concatenate(radius))
-
-
-def line_radius(line: CentreLine, model: WoodModel, most: float) -> NDArray[np.float64]:
-    """Half widths (K,) px along a line: falling, at most `most`, NaN where no wood is seen."""
-    half = raw_half_width(model.distance, line.xy)
-    seen = (half > 0) & ~line.is_hidden
-    result = np.full(len(half), np.nan)
-    if seen.any():
-        weight = side_weights(line.xy, half, model.is_foliage)
-        if line.parent < 0:  # at the foot the wood ends below, and its edge there is nearer than its sides
-            weight[np.hypot(*(line.xy - line.xy[0]).T) < 1.5 * np.median(half[seen])] = 1e-3
-        result[seen] = np.minimum(falling_fit(half[seen], weight[seen]), most)
-        if line.parent < 0:
-            first = int(np.argmax(seen))
-            result[:first] = result[first]  # the root's own pixel may lie a little off the wood
-    return result
-
-
-def _carried(half: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    """Half widths (K,) with the last known value, or `most`, where they are NaN."""
-    known = np.where(np.isnan(half), 0, np.arange(1, len(half) + 1))
-    last = np.maximum.accumulate(known)
-    return np.where(last > 0, half[np.maximum(last - 1, 0)], most)

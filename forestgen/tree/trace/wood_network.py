@@ -37,7 +37,7 @@ def wood_network(wood: NDArray[np.bool_], distance: NDArray[np.float32], foot: N
         return cut_at_junctions(wood)
     tight = np.s_[max(row[0] - 1, 0) : row[-1] + 2, max(column[0] - 1, 0) : column[-1] + 2]  # thinning costs by area
     thin = np.zeros(wood.shape, bool)
-    thin[tight] = skeletonize(np.array(wood[tight]))
+    thin[tight] = skeletonize(np.array(wood[tight]))  # type: ignore[no-untyped-call]
     thin &= ~foot
     for _ in range(2):  # a spur may stand on a spur
         network = cut_at_junctions(thin)

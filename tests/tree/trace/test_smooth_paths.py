@@ -16,6 +16,7 @@ from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo, load_photo
 from forestgen.tree.skeleton import n_children
 from forestgen.tree.strokes import Strokes, draw_polyline, load_strokes
+from forestgen.tree.trace.assembly import carried_limit
 from forestgen.tree.trace.half_width import edge_distance, falling_fit
 from forestgen.tree.trace.smooth_paths import SmoothPaths
 from forestgen.tree.trace.stroke_routes import route_stroke
@@ -138,6 +139,24 @@ def test_a_stroke_slides_onto_the_limb_beside_it() -> None:
 def test_falling_fit_pools_what_rises() -> None:
     assert_allclose(falling_fit(np.array([5.0, 3, 4, 1]), np.ones(4)), [5, 3.5, 3.5, 1])
     assert_allclose(falling_fit(np.array([1.0, 3]), np.array([1.0, 3])), [2.5, 2.5])
+
+
+def test_a_limb_is_no_thicker_than_what_it_carries_when_all_is_seen() -> None:
+    #  2   3    half widths 2 and 1 at the tips; the blob below measures 9
+    #   \ /
+    #    1
+    #    0
+    xy = np.array([[50.0, 90], [50, 60], [40, 60], [60, 60]])
+    graph = BranchGraph(xy, np.array([-1, 0, 1, 1]), np.array([9.0, 9, 2, 1]))
+    no_leaf = np.zeros((100, 100), bool)
+    limit = carried_limit(graph, no_leaf)
+    fork = ((2 + 0.4) ** 2.3 + (1 + 0.4) ** 2.3) ** (1 / 2.3)  # each thickens by 0.04 a px on its 10 px
+    assert_allclose(limit, [fork + 0.04 * 30, fork, 2, 1])
+    leaf = no_leaf.copy()
+    leaf[60, 66] = True  # beside the right tip: it may go on behind the leaf
+    assert np.isinf(carried_limit(graph, leaf)[[0, 1, 3]]).all()
+    hidden = BranchGraph(xy, graph.parent, np.array([9.0, 9, 2, np.nan]))
+    assert np.isinf(carried_limit(hidden, no_leaf)[[0, 1, 3]]).all()
 
 
 def test_pieces_of_a_small_network() -> None:
