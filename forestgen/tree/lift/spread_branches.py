@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.errors import StageError
-from forestgen.tree.branches import BranchGraph
 from forestgen.tree.branch_paths import BranchPaths, cut_into_paths
+from forestgen.tree.branches import BranchGraph
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View

@@ -33,7 +33,7 @@ class WoodModel:
 
 
 def wood_model(mattes: Mattes, least_px: int, leaf_px: float) -> WoodModel:
-    """Clean the branch matte of specks below `least_px` pixels, and of leaves up to `leaf_px` that lie before a limb."""
+    """Clean the branch matte of specks below `least_px` pixels and of leaves up to `leaf_px` before a limb."""
     wood = behind_leaves(without_specks(mattes.is_branch, least_px), mattes.is_foliage, leaf_px)
     near = cv2.dilate((mattes.is_tree | wood).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     return WoodModel(wood, edge_distance(wood), mattes.is_foliage, near)
