@@ -12,6 +12,7 @@ from forestgen.tree.colour_model import NOISE, Mixture, log_sum
 
 CELLS = 64  # of the coarse grid, across the window's longer side
 REACH = ((0.04, 1.0), (0.12, 0.1), (0.36, 0.01))  # (sigma as a share of the window, weight) of the kernel's parts
+ELSEWHERE = 0.2  # share of each colour's pixels that keep its spread over the whole ring, wherever they are
 ANCHOR = 0.003  # what the mixture as a whole counts against local samples: keeps every known colour possible
 
 
@@ -23,16 +24,21 @@ class BackgroundField:
     mean: NDArray[np.float32]  # (a, b, K, 3)
     precision_root: NDArray[np.float32]  # (K, 3, 3): its square is the inverse covariance
     log_scale: NDArray[np.float32]  # (K,) log of each Gaussian's peak density
+    anywhere: Mixture  # the same K colours without a place
 
     def log_density(self, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
         """Log density of each pixel's colour (h, w, 3) under the model of its own place: (h, w)."""
         size = rgb.shape[1::-1]
-        joint = np.empty((len(self.log_scale), *rgb.shape[:2]), np.float32)
+        anywhere = self.anywhere.joint_log_density(rgb.reshape(-1, 3)).T
+        joint = np.empty((2 * len(self.log_scale), *rgb.shape[:2]), np.float32)
         for k, root in enumerate(self.precision_root):
             away = rgb - cv2.resize(self.mean[:, :, k], size, interpolation=cv2.INTER_LINEAR)
             away = cv2.transform(away, root)
-            np.log(cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR), out=joint[k])
-            joint[k] += self.log_scale[k] - np.float32(0.5) * np.einsum("hwi,hwi->hw", away, away)
+            weight = np.log(cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR))
+            here = self.log_scale[k] - np.float32(0.5) * np.einsum("hwi,hwi->hw", away, away)
+            joint[2 * k] = here + weight + np.float32(np.log(1 - ELSEWHERE))
+            weight += np.float32(np.log(ELSEWHERE / self.anywhere.weight[k]))
+            joint[2 * k + 1] = anywhere[k].reshape(weight.shape) + weight
         return np.asarray(log_sum(joint.transpose(1, 2, 0)))
 
 
@@ -74,7 +80,7 @@ def spread_background(
     root = np.einsum("kij,kj,klj->kil", vector, value**-0.5, vector)
     log_scale = -0.5 * np.log(2 * np.pi * value).sum(axis=1)
     return BackgroundField(
-        weight.astype(np.float32), mean.astype(np.float32), root.astype(np.float32), log_scale.astype(np.float32)
+        weight.astype(np.float32), mean.astype(np.float32), root.astype(np.float32), log_scale.astype(np.float32), model
     )
 
 

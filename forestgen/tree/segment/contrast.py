@@ -52,8 +52,7 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
     background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
     known = background.log_density(rgb)
-    limit = float(np.quantile(known[is_ring], STRANGE))
-    is_tree = expit(limit - known[is_inside])
+    is_tree = expit(np.minimum(strangeness(known, is_ring), strangeness(colours.log_density(rgb), is_ring))[is_inside])
     tree = None
     for _ in range(ROUNDS):
         tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6, start=tree)
@@ -74,6 +73,11 @@ def _whole_region(
     inside = region.is_inside
     log_ratio[inside] = tree.log_density(region.rgb[inside]) - log_background[inside] + prior[inside]
     return Evidence(log_ratio, log_background)
+
+
+def strangeness(log_density: NDArray[np.float32], is_ring: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """How far below the ring's own pixels a background model's density lies, in nats (h, w): > 0 is strange."""
+    return np.asarray(np.quantile(log_density[is_ring], STRANGE) - log_density)
 
 
 def outline_prior(region: Region) -> NDArray[np.float32]:

@@ -19,7 +19,10 @@ SHADE, SHADED = 0.2, 0.1  # spread in sRGB of the unlit side and of sunlit spots
 EDGE = 3.0  # what a strong edge adds to a boundary, in units of samples
 STRETCH = 0.3  # share of the stroke over which a limb's usual width is taken
 SLACK = 1.15  # by this factor a limb may be wider than it usually is below
-EXCESS = 2.5  # nats that each sample beyond that costs
+EXCESS = 3.5  # nats that each sample beyond that costs: more than a sample can say for itself
+CLEAR = 1.0  # nats a sample by which a limb stands out from what is beside it, where its edges can be seen
+TAPER = 0.35  # width at the stroke's end, as a share of the width where the limb dives into the leaves
+FINE = 4  # subpixels a side for the ribbon's cover
 TURN = 1.5  # what moving an edge by one sample from one station to the next costs, in units of samples
 
 
@@ -36,16 +39,24 @@ class Ribbon:
         """Width at each station (S,), px."""
         return np.asarray(np.linalg.norm(self.right - self.left, axis=1))
 
-    def coverage(self, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Share of each pixel (H, W) that the ribbon covers."""
-        mask = np.zeros(size[::-1], np.uint8)
-        corners = np.concatenate([self.left, self.right[::-1]]) - 0.5
-        quads = np.stack([self.left[:-1], self.left[1:], self.right[1:], self.right[:-1]], axis=1) - 0.5
-        for quad in np.round(quads * 16).astype(np.int32):
-            cv2.fillConvexPoly(mask, quad, 255, cv2.LINE_8, 4)
-        cv2.polylines(mask, [np.round(corners * 16).astype(np.int32)], True, 128, 1, cv2.LINE_AA, 4)
-        inner = mask.astype(np.float32) / 255
-        return np.asarray(inner)
+    def coverage(self, size: tuple[int, int], part: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+        """Share of each pixel (H, W) that the ribbon covers, or only its stations of a mask (S,)."""
+        out = np.zeros(size[::-1], np.float32)
+        edges = np.concatenate([self.left, self.right])
+        low = np.maximum(np.floor(edges.min(axis=0)).astype(int) - 1, 0)
+        high = np.minimum(np.ceil(edges.max(axis=0)).astype(int) + 1, size)
+        if (high <= low).any():
+            return out
+        fine = np.zeros((high - low)[::-1] * FINE, np.uint8)
+        quads = np.stack([self.left[:-1], self.left[1:], self.right[1:], self.right[:-1]], axis=1)
+        if part is not None:
+            quads = quads[part[:-1]]
+        for quad in np.round((quads - low) * FINE - 0.5).astype(np.int32):
+            cv2.fillPoly(fine, [quad], 255)
+        shape = (int(high[0] - low[0]), int(high[1] - low[1]))
+        covered = cv2.resize(fine, shape, interpolation=cv2.INTER_AREA)
+        out[low[1] : high[1], low[0] : high[0]] = covered / np.float32(255)
+        return out
 
 
 def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: float) -> Ribbon:
@@ -58,8 +69,8 @@ def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: floa
     offset = np.arange(-ACROSS, ACROSS + 1) * pitch
     strip = sample_strip(rgb, place, normal, offset)
     is_wood = np.broadcast_to(abs(np.arange(-ACROSS, ACROSS + 1)) <= CORE, strip.shape[:2])
-    low, high, _ = _edges(strip, is_wood)
-    widest = plausible_width((high - low + 1) * pitch)
+    low, high, clarity = _edges(strip, is_wood)
+    widest = plausible_width((high - low + 1) * pitch, clarity)
     half = float(np.quantile(np.maximum(abs(offset[low]), abs(offset[high])), 0.9)) + 2 * pitch
     finer = min(reach, max(2.2 * half, 6.0)) / ACROSS
     fine_place, fine_normal = stations(path, max(finer, 0.5), smooth=reach / 3)
@@ -104,10 +115,16 @@ def sample_strip(
     return np.asarray(cv2.remap(rgb, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def plausible_width(width: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The greatest width (S,) that a limb may have: a little more than it has lower down, bulges left out."""
+def plausible_width(width: NDArray[np.float64], clarity: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The greatest width (S,) that a limb may have: a little more than it has lower down, bulges left out.
+
+    From where it dives into the leaves and its edges cannot be seen, it tapers towards the stroke's end.
+    """
     usual = median_filter(width, max(3, round(len(width) * STRETCH)), mode="nearest")
-    return np.asarray(SLACK * np.minimum.accumulate(usual) + 1)
+    limit = SLACK * np.minimum.accumulate(usual) + 1
+    dives = int(np.argmax(np.cumsum(clarity - CLEAR)))
+    limit[dives:] *= np.linspace(1, TAPER, len(width) - dives)
+    return np.asarray(limit)
 
 
 def _edges(

@@ -12,7 +12,7 @@ from scipy.special import expit
 from forestgen.tree.colour_model import Mixture, component_distance, fit_mixture
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region
-from forestgen.tree.segment.ribbon import Ribbon, follow_limb
+from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
 from forestgen.tree.segment.smoothness import edge_costs
 from forestgen.tree.strokes import Strokes
 
@@ -20,7 +20,7 @@ WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
 LEAF_COLOURS = 8  # Gaussians for what else the crown shows
 TOO_NEAR = 0.1  # Bhattacharyya distance at which a wood cluster counts as a leaf cluster and is dropped (sec. 2)
 TRUNK_REACH, LIMB_REACH = 0.12, 0.06  # how far from its stroke a limb's edge is looked for, in crown sizes
-UNDER_STROKE, ELSEWHERE = 1.0, -2.0  # log odds of wood on a stroked limb and anywhere else in the crown
+UNDER_STROKE, UNDER_LEAVES, ELSEWHERE = 1.0, 0.0, -2.0  # log odds of wood: on a limb, a hidden one, off the limbs
 ROUNDS = 2  # of refitting the leaf colours to what is not wood
 CLIP = 6.0  # nats that one pixel's colour can say at most
 SMOOTH, GUARD = 4.0, 8.0  # as lambda and guard of the foliage cut: limbs are larger than leaves
@@ -34,20 +34,22 @@ class Limbs:
 
     ribbons: tuple[Ribbon, ...]
     cover: NDArray[np.float32]  # (h, w) share of each pixel under any ribbon, nothing below the root
+    is_clear: NDArray[np.bool_]  # (h, w) pixels under a ribbon whose edges can be seen there
 
 
 def follow_limbs(region: Region, strokes: Strokes) -> Limbs:
     """Find the edges of every stroked limb; the first stroke is the trunk and ends at the root's row."""
     size = (region.depth.shape[1], region.depth.shape[0])
     ribbons = []
-    cover = np.zeros(region.depth.shape, np.float32)
+    cover, clear = np.zeros((2, *region.depth.shape), np.float32)
     for index, path in enumerate(strokes.branches):
         reach = max(8.0, (LIMB_REACH if index else TRUNK_REACH) * region.size_px)
         ribbons.append(follow_limb(region.rgb, region.local(path), reach))
         np.maximum(cover, ribbons[-1].coverage(size), out=cover)
+        np.maximum(clear, ribbons[-1].coverage(size, ribbons[-1].clarity > CLEAR / 2), out=clear)
     root_row = int(np.ceil(region.local(strokes.root)[1]))
     cover[max(root_row, 0) :] = 0
-    return Limbs(tuple(ribbons), cover)
+    return Limbs(tuple(ribbons), cover, (clear >= 0.5) & (cover >= 0.5))
 
 
 def find_wood(
@@ -72,7 +74,7 @@ def find_wood(
     says = np.full(inside.shape, -CLIP, np.float32)
     rgb = region.rgb[inside]
     other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
-    prior = np.where(on_limb[inside], UNDER_STROKE, ELSEWHERE)
+    prior = np.where(limbs.is_clear[inside], UNDER_STROKE, np.where(on_limb[inside], UNDER_LEAVES, ELSEWHERE))
     says[inside] = np.clip(wood.log_density(rgb) - other + prior, -CLIP, CLIP)
     found = min_cut(np.maximum(-says, 0), np.maximum(says, 0), *edge_costs(region.rgb, SMOOTH, GUARD))
     return outside | (_without_specks(found, on_limb, region) & inside)
