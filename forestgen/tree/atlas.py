@@ -41,6 +41,12 @@ class LeafAtlasFromPhoto(Strategy):
     needles: Literal["measured", "always", "never"] = "measured"  # ours: sprays of needles instead of leaves
     coarse_px: float = 13.0  # ours: pieces shorter than this are too coarse to cut; generic outlines take their colours
 
+    def __post_init__(self) -> None:
+        if not 1 <= self.colours <= 128:
+            raise ValueError(f"colours is {self.colours}; expected 1 to 128")
+        if not 32 <= self.cell_px <= 160:
+            raise ValueError(f"cell_px is {self.cell_px}; expected 32 to 160")
+
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Atlas:
         leafy = [view for view in views if not view.mattes.is_bare]
         if not leafy:

@@ -35,9 +35,9 @@ def _pack_into(sizes: Sequence[tuple[int, int]], side: int) -> tuple[NDArray[np.
 
     atlas = xatlas.Atlas()
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-    corners = [np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32) for w, h in sizes]
-    for corner in corners:  # one mesh a rectangle: those that share a corner would merge; xatlas keeps no copy
-        atlas.add_uv_mesh(corner, faces)
+    rectangles = [np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32) for w, h in sizes]  # kept till packed
+    for rectangle in rectangles:  # one mesh a rectangle: those that share a corner would merge; xatlas takes no copy
+        atlas.add_uv_mesh(rectangle, faces)
     options = xatlas.PackOptions()
     options.resolution, options.padding, options.texels_per_unit = side, GUTTER, 1.0
     options.rotate_charts = options.rotate_charts_to_axis = options.create_image = False

@@ -10,13 +10,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_colour import colours_at, foliage_colours, nearest_prototype, prototype_lab
+from forestgen.tree.foliage_colour import colours_at, nearest_prototype
+from forestgen.tree.foliage_crown import Crown
 from forestgen.tree.foliage_fill import aim_at_open
-from forestgen.tree.foliage_fit import Placement, blade_samples, cover, footprint, join, make_target
+from forestgen.tree.foliage_fit import Placement, join
 from forestgen.tree.foliage_poses import frames, leaf_axes, light_normals, quaternions
 from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, young_wood
 from forestgen.tree.leaf_scale import leaf_length
-from forestgen.tree.model import Atlas, LeafPrototype, Leaves
+from forestgen.tree.model import Atlas, Leaves
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -26,9 +27,7 @@ log = logging.getLogger(__name__)
 SHRINK = (1.0, 0.8, 0.6)  # a leaf that does not fit is tried again this much smaller, standing otherwise
 SHOWN = 0.3  # mean projected area of a leaf over its length squared: half as wide as long, in all attitudes
 FAR = 0.75  # lengths of a leaf: foliage farther from its twig takes a long-stalked leaf
-SMALLEST, LARGEST, LARGEST_LONG = 0.5, 1.3, 2.0  # an aimed leaf's length over the usual one
 LEAST_GAIN = 0.25  # share of an aimed leaf that must cover open foliage
-COLOUR_SCALE = 0.35  # blur of the photo's colour over the length of a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +49,34 @@ class LeavesAlongBranches(Strategy):
     fewest_per_branch: int = 50  # sec. 4
     most_per_branch: int = 200  # sec. 4
     most: int = 300_000  # ours: no tree bears more leaves
+    tries: int = 3  # ours, 1 to 3: how often a leaf that does not fit is tried again, smaller; sec. 4: once
     fill_rounds: int = 6  # ours: how often leaves are aimed at foliage that is open still
     inside: float = 0.88  # sec. 4 keeps leaves "inside the foliage region"; the share of a leaf that must be
     divergence_deg: float = 137.5  # golden angle between successive leaves; 90 with two per node: opposite
+    divergence_spread_deg: float = 17.0  # ours; sec. 4: "randomized", 360
     per_node: int = 1  # leaves at one node; 2: opposite, 3: whorled
     insertion_deg: float = 55.0  # angle between twig and leaf
     droop: float = 0.25  # how much gravity bends the leaf down, as a share of its direction
     light_spread: float = 0.7  # how unevenly faces turn to the light, 0: all alike
     colour_spread: float = 2.0  # CIELAB by which another prototype than the nearest may be taken
+
+    def __post_init__(self) -> None:
+        least = {
+            "size": 1e-3,
+            "trunk_share": 1e-6,
+            "spacing": 0.01,
+            "tries": 1,
+            "per_node": 1,
+            "fill_rounds": 0,
+            "most": 0,
+        }
+        for name, low in least.items():
+            if not getattr(self, name) >= low:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected at least {low}")
+        if not 0 <= self.inside <= 1:
+            raise ValueError(f"inside is {self.inside}; expected a share between 0 and 1")
+        if not 0 <= self.fewest_per_branch <= self.most_per_branch:
+            raise ValueError(f"fewest_per_branch is {self.fewest_per_branch}; expected 0 to most_per_branch")
 
     def __call__(self, skeleton: Skeleton, views: Sequence[View], atlas: Atlas, *, rng: np.random.Generator) -> Leaves:
         leafy = [view for view in views if not view.mattes.is_bare]
@@ -67,11 +86,16 @@ class LeavesAlongBranches(Strategy):
         length = self.length(skeleton, leafy)
         crown = Crown(leafy, skeleton, atlas, length)
         stations = place_stations(
-            wood, self.number(wood, crown), np.deg2rad(self.divergence_deg), self.per_node, 0.3, rng=rng
+            wood,
+            self.number(wood, crown),
+            np.deg2rad(self.divergence_deg),
+            self.per_node,
+            np.deg2rad(self.divergence_spread_deg),
+            rng=rng,
         )
         kept = [self.grow(stations, crown, rng=rng)]
         for _ in range(self.fill_rounds):
-            kept.append(self.fill(wood, crown, self.most - sum(map(len, kept)), rng=rng))
+            kept.append(self.fill(wood, crown, self.most - sum(len(part) for part in kept), rng=rng))
         leaves = join(kept)
         for target in crown.targets:
             share = np.count_nonzero(target.open) / np.count_nonzero(target.is_foliage)
@@ -98,7 +122,7 @@ class LeavesAlongBranches(Strategy):
     def grow(self, stations: Stations, crown: Crown, *, rng: np.random.Generator) -> Placement:
         """The stations' leaves that fit into the photos' foliage, as they are or smaller and turned."""
         kept, rest = [], np.arange(len(stations))
-        for shrink in SHRINK:
+        for shrink in SHRINK[: self.tries]:
             here = Stations(stations.position[rest], stations.twig[rest], stations.outward[rest])
             axis = leaf_axes(here, np.deg2rad(self.insertion_deg), self.droop, 0.2, rng=rng)
             outside = crown.outside(here.position)
@@ -112,14 +136,14 @@ class LeavesAlongBranches(Strategy):
 
     def fill(self, wood: YoungWood, crown: Crown, room: int, *, rng: np.random.Generator) -> Placement:
         """Leaves aimed at foliage that is open still, from twigs within reach: long-stalked where that is far."""
-        kept = []
+        kept: list[Placement] = []
         for target in crown.targets:
             aim = aim_at_open(target, wood, crown.length, crown.reach, rng=rng)
             is_far = (aim.way > FAR * crown.length) & crown.is_long.any()
             size = crown.reaching(aim.way, is_far)
-            for shrink in SHRINK:
+            for shrink in SHRINK[: self.tries]:
                 leaves = self.dress(aim.foot, aim.axis, aim.normal, shrink * size, is_far, crown, rng=rng)
-                fits = crown.keep(leaves, self.inside, LEAST_GAIN, room - sum(map(len, kept)))
+                fits = crown.keep(leaves, self.inside, LEAST_GAIN, room - sum(len(part) for part in kept))
                 kept.append(leaves.take(fits))
                 aim, is_far, size = aim.take(~fits), is_far[~fits], size[~fits]
         return join(kept)
@@ -145,61 +169,3 @@ class LeavesAlongBranches(Strategy):
     def factors(self, n: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
         """Relative lengths (n,) of leaves around 1."""
         return np.asarray(np.clip(rng.normal(1.0, self.size_spread, n), 0.5, 1.5))
-
-
-def blade_middle(leaf: LeafPrototype) -> float:
-    """How far along a leaf the middle of its area is, in [0, 1]."""
-    corner = leaf.points[leaf.faces]
-    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    return float(np.average(corner[..., 1].mean(axis=1), weights=area))
-
-
-class Crown:
-    """What leaves are held against: each view's foliage and colours, and the atlas."""
-
-    def __init__(self, views: Sequence[View], skeleton: Skeleton, atlas: Atlas, length: float) -> None:
-        self.views, self.length = views, length
-        self.targets = [make_target(view, skeleton) for view in views]
-        self.colours = [foliage_colours(view, COLOUR_SCALE * length * view.camera.px_per_metre) for view in views]
-        self.lab = prototype_lab(atlas)
-        finest = max(view.camera.px_per_metre for view in views) * length
-        self.middle_of = np.array([blade_middle(leaf) for leaf in atlas.prototypes])
-        usual = float(self.middle_of.min())
-        self.is_long = self.middle_of > usual + 0.1  # (P,)
-        if not self.is_long.any() or self.is_long.all():
-            self.is_long = np.zeros(len(self.lab), bool)
-        self.aim = (usual, float(self.middle_of.max()))
-        self.samples = blade_samples(atlas, int(np.clip(0.5 * finest**2, 24, 96)))
-        tips = skeleton.position[skeleton.position[:, 1] > 0.3 * skeleton.position[:, 1].max()]
-        self.middle = np.median(tips, axis=0) if len(tips) else np.zeros(3)
-
-    @property
-    def reach(self) -> float:
-        """How far from its twig the middle of a leaf can be, metres."""
-        return self.length * (LARGEST_LONG * self.aim[1] if self.is_long.any() else LARGEST * self.aim[0])
-
-    def reaching(self, way: NDArray[np.float64], is_far: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """How long leaves (L,) are, metres, whose blades' middles lie `way` metres (L,) from their feet."""
-        size = way / np.where(is_far, self.aim[1], self.aim[0]) / self.length
-        return np.clip(size, SMALLEST, np.where(is_far, LARGEST_LONG, LARGEST)) * self.length
-
-    @property
-    def foliage_area(self) -> float:
-        """The largest area of foliage that a view shows, square metres."""
-        return max(np.count_nonzero(t.is_foliage) / t.view.camera.px_per_metre**2 for t in self.targets)
-
-    def outside(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (N, 3) from the crown's middle."""
-        return np.asarray(points - self.middle)
-
-    def keep(self, leaves: Placement, inside: float, gain: float = 0.0, room: int | None = None) -> NDArray[np.bool_]:
-        """Which leaves (L,) lie inside every view's foliage and win some open foliage; what they cover is noted."""
-        prints = [footprint(target, leaves, self.samples) for target in self.targets]
-        fits = np.all([p.inside >= inside for p in prints], axis=0)
-        if gain > 0:
-            fits &= np.max([p.gain for p in prints], axis=0) >= gain
-        if room is not None:
-            fits &= np.cumsum(fits) <= room
-        for target, p in zip(self.targets, prints, strict=True):
-            cover(target, p.pixel[fits])
-        return np.asarray(fits)

@@ -36,7 +36,7 @@ def foliage_colours(view: View, sigma_px: float) -> NDArray[np.float32]:
 def prototype_lab(atlas: Atlas) -> NDArray[np.float64]:
     """Mean CIELAB (P, 3) of the prototypes."""
     rgb = np.array([leaf.colour for leaf in atlas.prototypes], np.float32).reshape(1, -1, 3)
-    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2LAB), np.float64)[0]
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2LAB)[0], np.float64)
 
 
 def colours_at(

@@ -15,7 +15,7 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
 CHUNK = 400_000  # sample points looked up at a time: bounds the memory to some 30 MB
-THICK_PX = 0.6  # wood of at least this radius in the photo hides a leaf behind it
+THICK_PX = 1.0  # wood of at least this radius in the photo hides a leaf behind it
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,8 @@ def light_normals(
     axis: NDArray[np.float64], outside: NDArray[np.float64], spread: float, *, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Unit normals (S, 3) across the axes, turned up and towards the crown's outside (S, 3), jittered."""
-    wish = unit(outside) + [0.0, 0.9, 0.0] + rng.normal(0, spread, axis.shape)
+    light = unit(outside) + np.array([0.0, 0.9, 0.0])
+    wish = light + rng.normal(0, spread, axis.shape)
     return normals_across(axis, wish)
 
 

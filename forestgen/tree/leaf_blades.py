@@ -126,4 +126,4 @@ def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDA
     normal = np.zeros_like(points)
     for k in range(3):
         np.add.at(normal, faces[:, k], area)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12))

@@ -39,7 +39,7 @@ class Pieces:
 def lab_of(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
     """CIELAB (..., 3), L in [0, 100], of sRGB bytes (..., 3)."""
     flat = np.ascontiguousarray(rgb.reshape(1, -1, 3)).astype(np.float32) / np.float32(255)
-    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2LAB)).reshape(rgb.shape)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2LAB), np.float32).reshape(rgb.shape)
 
 
 def climb(height: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -99,8 +99,8 @@ def _describe(
     of = label[y, x]
     n = int(of.max()) + 1
 
-    def mean(value: NDArray[np.floating]) -> NDArray[np.float64]:
-        return np.bincount(of, value, n) / area
+    def mean(value: NDArray[np.floating] | NDArray[np.bool_]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(of, value, n) / area)
 
     area = np.bincount(of, minlength=n).astype(float)
     centre = np.column_stack([mean(x + 0.5), mean(y + 0.5)])

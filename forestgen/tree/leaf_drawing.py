@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +11,18 @@ from scipy.ndimage import gaussian_filter1d
 
 from forestgen.tree.leaf_blades import PETIOLE, PETIOLE_HALF_WIDTH, row_extents
 from forestgen.tree.leaf_cells import Pieces, lab_of
-from forestgen.tree.leaf_shapes import FORMS, SOFT, Form, taper, veins
+from forestgen.tree.leaf_shapes import FORMS, SOFT, Form, half_width, taper, veins
 
 RIM, LIGHT = 20, 90  # percentiles of a piece's light that stand for its dark rim and its lit face
 CLOSE_IN = 0.25  # how far from rim (0) to face (1) a cut leaf's edge lies
 LEAST_FULL = 0.32  # a cut that fills less of its cell is no leaf; leaves fill 0.4 to 0.7
 LEAST_LONG = 0.7  # nor one that is shorter than this share of it
 NARROWEST, WIDEST = 0.36, 0.85  # width of a blade over its length
-SMOOTH = 0.035  # sigma along a cut outline, as a share of the blade: finer teeth are the photo's pixels
+SMOOTH_PX = 1.3  # px of the photo: sigma along a cut outline; finer teeth are the photo's pixels, not the leaf's
+SMOOTHEST = 0.03  # and at least this share of the blade
+MODEL = 0.42  # how far a cut outline is drawn towards an ovate leaf's: 0 as cut, 1 ovate
+CALM = 0.65  # how much of a piece's own contrast a leaf keeps: the rest is gaps and light between several leaves
+SWAY = 0.4  # how much of the cut's sideways sway is kept
 PETIOLE_SHADE = 0.8  # how bright a petiole is beside its blade
 
 
@@ -26,12 +32,11 @@ def cut_cell(pieces: Pieces, piece: int, lab: NDArray[np.float64], height: int) 
     None where the piece has not the shape of a leaf.
     """
     rgb, own, opaque = upright(pieces, piece, height)
-    alpha = cut(lab_of(rgb)[..., 0], own, opaque)
+    alpha = cut(lab_of(rgb)[..., 0], own, opaque, float(pieces.length[piece]))
     if alpha is None:
         return None
-    rgb = spread_colour(rgb, np.minimum(own, opaque))
-    rgb, alpha = fill_cell(rgb, alpha)
-    return add_petiole(np.dstack([set_mean(rgb, alpha, lab), alpha * 255]), height)
+    colour, alpha = fill_cell(spread_colour(rgb, np.minimum(own, opaque)), alpha)
+    return finish(colour, alpha, lab, height, has_veins=True)
 
 
 def generic_cell(
@@ -41,10 +46,18 @@ def generic_cell(
     rgb, _, opaque = upright(pieces, piece, height)
     tall, wide = opaque.shape
     alpha = FORMS[form](tall, wide, rng)
-    rgb = spread_colour(rgb, opaque)
-    grain = np.ones((tall, wide)) if form == "needles" else veins(tall, wide)
-    rgb = set_mean(np.clip(rgb * grain[..., None], 0, 255), alpha, lab)
-    return add_petiole(np.dstack([rgb, alpha * 255]), height)
+    return finish(spread_colour(rgb, opaque), alpha, lab, height, has_veins=form != "needles")
+
+
+def finish(
+    rgb: NDArray[np.floating], alpha: NDArray[np.float64], lab: NDArray[np.float64], height: int, *, has_veins: bool
+) -> NDArray[np.uint8]:
+    """The cell (height, W, 4) of a blade's texture (H, W, 3) and alpha (H, W), of mean colour `lab` (3,) CIELAB."""
+    mean = rgb[alpha >= 0.5].mean(axis=0)
+    calm = mean + CALM * (rgb - mean)
+    if has_veins:
+        calm = calm * veins(*alpha.shape)[..., None]
+    return add_petiole(np.dstack([set_mean(calm, alpha, lab), alpha * 255]), height)
 
 
 def spread_colour(rgb: NDArray[np.uint8], is_own: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -80,7 +93,7 @@ def upright(
     matrix[:, 1] = -along * pieces.length[piece] / tall
     matrix[:, 2] = pieces.centre[piece] - 0.5 - [left, top] - matrix[:, :2] @ [wide / 2 - 0.5, tall / 2 - 0.5]
 
-    def warp(image: NDArray[np.generic], how: int) -> NDArray[np.generic]:
+    def warp(image: NDArray[Any], how: int) -> NDArray[Any]:
         flags = how | cv2.WARP_INVERSE_MAP
         return np.asarray(cv2.warpAffine(image, matrix, (wide, tall), flags=flags, borderMode=cv2.BORDER_REPLICATE))
 
@@ -93,16 +106,20 @@ def upright(
 
 
 def cut(
-    light: NDArray[np.float32], own: NDArray[np.float32], opaque: NDArray[np.float32]
+    light: NDArray[np.float32], own: NDArray[np.float32], opaque: NDArray[np.float32], length_px: float
 ) -> NDArray[np.float64] | None:
-    """Soft alpha (H, W) of the leaf in a piece: the outline of its lit part; None if that has no leaf's shape."""
+    """Soft alpha (H, W) of the leaf in a piece `length_px` long in the photo: the outline of its lit part.
+
+    None if that has no leaf's shape.
+    """
     tall, wide = light.shape
     is_own = own >= 0.5
     if not is_own.any():
         return None
     rim, face = np.percentile(light[is_own], [RIM, LIGHT])
     lit = cv2.GaussianBlur(light, (0, 0), 0.03 * tall) >= rim + CLOSE_IN * (face - rim)
-    return outline_alpha(lit & (own >= 0.4) & (opaque >= 0.4) & (taper(tall, wide) >= 0.5))
+    smooth = max(SMOOTHEST * tall, SMOOTH_PX * tall / length_px)
+    return outline_alpha(lit & (own >= 0.4) & (opaque >= 0.4) & (taper(tall, wide) >= 0.5), smooth)
 
 
 def fill_cell(rgb: NDArray[np.floating], alpha: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -128,11 +145,12 @@ def fill_cell(rgb: NDArray[np.floating], alpha: NDArray[np.float64]) -> tuple[ND
     return np.clip(colour, 0, 255), np.clip(mask, 0, 1)
 
 
-def outline_alpha(is_leaf: NDArray[np.bool_]) -> NDArray[np.float64] | None:
-    """Soft alpha (H, W) between the left and right edge of a mask's largest part, smoothed along the leaf.
+def outline_alpha(is_leaf: NDArray[np.bool_], smooth: float) -> NDArray[np.float64] | None:
+    """Soft alpha (H, W) between the left and right edge of a mask's largest part, smoothed by `smooth` px.
 
-    A leaf's edge is met once a side, so what stands out or is eaten in becomes a lobe. None where
-    the part is short, thin or off the cell's middle at its base.
+    A leaf's edge is met once a side, so what stands out or is eaten in becomes a lobe; an ovate
+    profile weighs in, because a clump's outline meanders more than a leaf's. None where the part is
+    short or thin.
     """
     tall, wide = is_leaf.shape
     n, label, stats, _ = cv2.connectedComponentsWithStats(is_leaf.astype(np.uint8), connectivity=4)
@@ -141,19 +159,20 @@ def outline_alpha(is_leaf: NDArray[np.bool_]) -> NDArray[np.float64] | None:
     part = label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     left, right = row_extents(part)
     rows = np.flatnonzero(right > left)
-    if len(rows) < LEAST_LONG * tall:
+    if len(rows) < LEAST_LONG * tall or part.mean() < LEAST_FULL:
         return None
-    first, last = rows[0], rows[-1] + 1
-    left, right = (gaussian_filter1d(side[first:last], SMOOTH * tall, mode="nearest") for side in (left, right))
+    first, last = int(rows[0]), int(rows[-1]) + 1
+    half, middle = (
+        gaussian_filter1d(side[first:last], smooth, mode="nearest") for side in ((right - left) / 2, (left + right) / 2)
+    )
+    t = 1 - (np.arange(last - first) + 0.5) / (last - first)
+    profile = half_width(t, 0.42, 0.55, 0.75)
+    widest = np.sum(half) / np.sum(profile)  # as much area as was cut
+    half = half ** (1 - MODEL) * (widest * profile) ** MODEL
+    middle = SWAY * (middle - middle.mean())
     across = np.arange(wide) + 0.5 - wide / 2
     alpha = np.zeros((tall, wide))
-    end = np.minimum(np.arange(last - first) + 0.5, last - first - np.arange(last - first) - 0.5)
-    round_off = np.sqrt(np.clip(end / (0.12 * tall), 0, 1))  # foot and tip are round, not cut off
-    middle = (left + right) / 2
-    half = (right - left) / 2 * round_off
     alpha[first:last] = np.clip((half[:, None] - np.abs(across - middle[:, None])) / SOFT + 0.5, 0, 1)
-    if np.mean(alpha >= 0.5) < LEAST_FULL or abs(middle[-max(1, tall // 12) :].mean()) > 0.2 * wide:
-        return None
     return alpha
 
 
@@ -172,7 +191,7 @@ def add_petiole(blade: NDArray[np.floating], height: int) -> NDArray[np.uint8]:
     tall, wide = blade.shape[:2]
     cell = np.zeros((height, wide, 4))
     cell[:tall] = blade
-    solid = np.flatnonzero((blade[:, wide // 2, 3] >= 127))
+    solid = np.flatnonzero(blade[:, wide // 2, 3] >= 127)
     counts = blade[..., 3] >= 127
     colour = PETIOLE_SHADE * blade[counts][:, :3].mean(axis=0)
     top = int(solid[-1]) - round(0.05 * height) if len(solid) else tall
