@@ -153,7 +153,7 @@ def test_a_limb_is_no_thicker_than_what_it_carries_when_all_is_seen() -> None:
     fork = ((2 + 0.4) ** 2.3 + (1 + 0.4) ** 2.3) ** (1 / 2.3)  # each thickens by 0.04 a px on its 10 px
     assert_allclose(limit, [fork + 0.04 * 30, fork, 2, 1])
     leaf = no_leaf.copy()
-    leaf[60, 63] = True  # beside the right tip: it may go on behind the leaf
+    leaf[60, 64] = True  # beside the right tip: it may go on behind the leaf
     assert_allclose(carried_limit(graph, leaf), [9 + 0.04 * 30, np.inf, 2, np.inf])
     hidden = BranchGraph(xy, graph.parent, np.array([9.0, 9, 2, np.nan]))
     assert_allclose(carried_limit(hidden, no_leaf), [9 + 0.04 * 30, np.inf, 2, np.inf])
