@@ -25,7 +25,7 @@ ROUNDS = 3  # of refitting both models to what they found
 STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
 SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
 HEART, HEART_DEPTH = 0.0, 0.2  # what the middle of the crown adds, reached at this depth
-GAP, OPEN = 3, 0.5 # px
+GAP, OPEN = 3, 0.5  # px
 FAINT = -50.0  # nats, for places that are out of the question
 
 
@@ -83,4 +83,6 @@ def strangeness(log_density: NDArray[np.float32], is_ring: NDArray[np.bool_]) ->
 def outline_prior(region: Region) -> NDArray[np.float32]:
     """Log odds (h, w) of tree from the place alone: -2 outside the outline, 0 on it, rising inwards."""
     depth = region.depth / np.float32(region.size_px)
-    return np.clip(depth / np.float32(SURE_DEPTH), -2, 1) + np.float32(HEART) * np.clip(depth / np.float32(HEART_DEPTH), 0, 1)
+    return np.clip(depth / np.float32(SURE_DEPTH), -2, 1) + np.float32(HEART) * np.clip(
+        depth / np.float32(HEART_DEPTH), 0, 1
+    )

@@ -47,7 +47,7 @@ class GraphCutFoliage(Strategy):
             StageError: neither leaf nor branch pixels are found, or no background to compare with.
         """
         region = look_at(photo.rgb, strokes, self.dilations)
-        limbs = follow_limbs(region, strokes)
+        limbs = follow_limbs(region, strokes, rng=rng)
         evidence = self.weigh(region, rng=rng)
         is_tree = self.cut(region, evidence.log_ratio)
         if self.bare == "yes" or (self.bare == "auto" and is_bare_crown(region, is_tree, limbs.cover)):
@@ -55,7 +55,8 @@ class GraphCutFoliage(Strategy):
         else:
             is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
             is_leaf = is_tree & ~is_wood
-        leaf, wood = share_out(soften(region.rgb, is_leaf | is_wood), is_leaf, is_wood)
+        alpha = np.where(region.is_inside | ~limbs.is_near, soften(region.rgb, is_leaf | is_wood), limbs.cover)
+        leaf, wood = share_out(alpha, is_leaf, is_wood)
         foliage = paint(region.full(leaf, photo.size), strokes.density)
         branch = np.minimum(region.full(wood, photo.size), 1 - foliage)
         mattes = Mattes(foliage, branch)

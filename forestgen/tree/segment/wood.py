@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from forestgen.tree.colour_model import Mixture, component_distance, fit_mixture
+from forestgen.tree.colour_model import ENOUGH_SAMPLES, Mixture, component_distance, fit_mixture
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
@@ -24,6 +24,9 @@ UNDER_STROKE, UNDER_LEAVES, ELSEWHERE = 1.0, 0.0, -2.0  # log odds of wood: on a
 ROUNDS = 2  # of refitting the leaf colours to what is not wood
 CLIP = 6.0  # nats that one pixel's colour can say at most
 SMOOTH, GUARD = 4.0, 8.0  # as lambda and guard of the foliage cut: limbs are larger than leaves
+AMONG_LEAVES = 0.3  # what pixels of a stroked limb in the crown count for the wood's colours: leaves hide it
+BESIDE = -0.5  # log odds of wood between trunk and crown, off the strokes
+LONG = 10.0  # area over squared half width from which a patch is a limb: a bar ten half widths long is two wide
 SPECK = 3e-5  # of the crown's area: smaller patches of wood off the stroked limbs are shade between leaves
 ENOUGH = 200  # px of plain trunk below the crown that suffice to learn its colours from
 
@@ -35,21 +38,58 @@ class Limbs:
     ribbons: tuple[Ribbon, ...]
     cover: NDArray[np.float32]  # (h, w) share of each pixel under any ribbon, nothing below the root
     is_clear: NDArray[np.bool_]  # (h, w) pixels under a ribbon whose edges can be seen there
+    is_fork_zone: NDArray[np.bool_]  # (h, w) outside the crown, between trunk and crown: where limbs may run
+    colours: Mixture | None  # of the wood; None where the strokes cover no pixel
+
+    @property
+    def is_near(self) -> NDArray[np.bool_]:
+        """Pixels (h, w) under a ribbon or beside its edge."""
+        return np.asarray(cv2.dilate(self.cover, np.ones((5, 5), np.uint8)) > 0)
+
+    @property
+    def is_limb(self) -> NDArray[np.bool_]:
+        """Pixels (h, w) mostly under a ribbon."""
+        return self.cover >= 0.5
 
 
-def follow_limbs(region: Region, strokes: Strokes) -> Limbs:
+def follow_limbs(region: Region, strokes: Strokes, *, rng: np.random.Generator) -> Limbs:
     """Find the edges of every stroked limb; the first stroke is the trunk and ends at the root's row."""
     size = (region.depth.shape[1], region.depth.shape[0])
     ribbons = []
     cover, clear = np.zeros((2, *region.depth.shape), np.float32)
     for index, path in enumerate(strokes.branches):
         reach = max(8.0, (LIMB_REACH if index else TRUNK_REACH) * region.size_px)
-        ribbons.append(follow_limb(region.rgb, region.local(path), reach))
-        np.maximum(cover, ribbons[-1].coverage(size), out=cover)
-        np.maximum(clear, ribbons[-1].coverage(size, ribbons[-1].clarity > CLEAR / 2), out=clear)
-    root_row = int(np.ceil(region.local(strokes.root)[1]))
-    cover[max(root_row, 0) :] = 0
-    return Limbs(tuple(ribbons), cover, (clear >= 0.5) & (cover >= 0.5))
+        ribbon = follow_limb(region.rgb, region.local(path), reach)
+        np.maximum(cover, ribbon.coverage(size), out=cover)
+        np.maximum(clear, ribbon.coverage(size, ribbon.clarity > CLEAR / 2), out=clear)
+        ribbons.append(ribbon)
+    cover[max(int(np.ceil(region.local(strokes.root)[1])), 0) :] = 0
+    is_clear = (clear >= 0.5) & (cover >= 0.5)
+    return Limbs(tuple(ribbons), cover, is_clear, fork_zone(region, strokes), _wood_colours(region, cover, rng))
+
+
+def fork_zone(region: Region, strokes: Strokes) -> NDArray[np.bool_]:
+    """Pixels (h, w) outside the crown but inside the hull of the crown and the upper half of the bare trunk."""
+    h, w = region.depth.shape
+    trunk = region.local(strokes.branches[0])
+    at = np.clip(np.floor(trunk).astype(int), 0, [w - 1, h - 1])
+    bare = trunk[region.depth[at[:, 1], at[:, 0]] < 0]
+    upper = bare[bare[:, 1] < np.median(trunk[:, 1]) if not len(bare) else bare[:, 1] <= bare[:, 1].mean()]
+    limbs = [region.local(path) for path in strokes.branches[1:]]
+    corners = np.concatenate([region.local(strokes.crown), upper, *limbs])
+    hull = cv2.convexHull(np.round(corners).astype(np.int32))
+    zone = cv2.fillConvexPoly(np.zeros((h, w), np.uint8), hull, 1) > 0
+    return np.asarray(zone & ~region.is_inside)
+
+
+def _wood_colours(region: Region, cover: NDArray[np.float32], rng: np.random.Generator) -> Mixture | None:
+    """Colours under the ribbons: those of the plain trunk below the crown count more than those among leaves."""
+    plain = cover > 0.9
+    if not plain.any():
+        return None
+    below = ~region.is_inside[plain]
+    weight = np.where(below | (below.sum() < ENOUGH), 1.0, AMONG_LEAVES)
+    return fit_mixture(region.rgb[plain], WOOD_COLOURS, rng=rng, weight=weight)
 
 
 def find_wood(
@@ -60,55 +100,75 @@ def find_wood(
     *,
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
-    """Wood pixels (h, w): outside the crown the ribbons, inside it what has the wood's colours.
+    """Wood pixels (h, w): outside the crown the ribbons and what grows from them, inside what has the wood's colours.
 
     `is_tree` says what is leaf or wood inside the crown, `log_background` (h, w) how likely each
     colour is as background. Wood may also be found where `is_tree` missed it.
     """
-    on_limb = limbs.cover >= 0.5
-    outside = on_limb & ~region.is_inside
-    wood, leaf = _colours(region, is_tree, limbs, rng)
-    if wood is None:
-        return outside
-    inside = region.is_inside
+    if limbs.colours is None:
+        return np.zeros_like(is_tree)
+    inside, beside = region.is_inside, limbs.is_fork_zone
     says = np.full(inside.shape, -CLIP, np.float32)
-    rgb = region.rgb[inside]
-    other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
-    prior = np.where(limbs.is_clear[inside], UNDER_STROKE, np.where(on_limb[inside], UNDER_LEAVES, ELSEWHERE))
-    says[inside] = np.clip(wood.log_density(rgb) - other + prior, -CLIP, CLIP)
+    says[beside] = limbs.colours.log_density(region.rgb[beside]) - log_background[beside] + BESIDE
+    leaf = _leaf_colours(region, is_tree, limbs, rng)
+    wood = distinct_colours(limbs.colours, leaf)
+    if wood is not None:
+        rgb = region.rgb[inside]
+        other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
+        hidden = np.where(limbs.is_limb[inside], UNDER_LEAVES, ELSEWHERE)
+        says[inside] = wood.log_density(rgb) - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
+    says[limbs.is_limb & ~inside] = CLIP
+    says = np.clip(says, -CLIP, CLIP)
     found = min_cut(np.maximum(-says, 0), np.maximum(says, 0), *edge_costs(region.rgb, SMOOTH, GUARD))
-    return outside | (_without_specks(found, on_limb, region) & inside)
+    ribbon = limbs.is_limb & ~inside
+    return ribbon | _like_limbs(found & inside, region, limbs) | _forks(found & beside, ribbon, is_tree)
 
 
-def _colours(
-    region: Region, is_tree: NDArray[np.bool_], limbs: Limbs, rng: np.random.Generator
-) -> tuple[Mixture | None, Mixture | None]:
-    """Colours of the wood and of the leaves; None where there are none to learn or tell apart."""
-    plain = limbs.cover > 0.9
-    below = plain & ~region.is_inside
-    sample = below if below.sum() >= ENOUGH else plain
-    if not sample.any():
-        return None, None
-    wood = fit_mixture(region.rgb[plain], WOOD_COLOURS, rng=rng, weight=np.where(sample[plain], 1.0, 0.3))
+def _leaf_colours(region: Region, is_tree: NDArray[np.bool_], limbs: Limbs, rng: np.random.Generator) -> Mixture | None:
+    """Colours of the crown's tree pixels off the stroked limbs, as far as they are not the wood's; None if too few."""
     crown = region.rgb[is_tree & region.is_inside & (limbs.cover < 0.1)]
-    if len(crown) < 50:
-        return wood, None
-    crown = crown[rng.permutation(len(crown))[:20_000]]
+    if limbs.colours is None or len(crown) < 50:
+        return None
+    crown = crown[rng.integers(len(crown), size=min(len(crown), ENOUGH_SAMPLES))]
     leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng)
     for _ in range(ROUNDS):
-        is_leaf = expit(leaf.log_density(crown) - wood.log_density(crown) - ELSEWHERE)
+        is_leaf = expit(leaf.log_density(crown) - limbs.colours.log_density(crown) - ELSEWHERE)
         leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng, weight=is_leaf, start=leaf)
-    distinct = component_distance(wood, leaf).min(axis=1) > TOO_NEAR
-    return (wood.subset(distinct) if distinct.any() else None), leaf
+    return leaf
 
 
-def _without_specks(is_wood: NDArray[np.bool_], on_limb: NDArray[np.bool_], region: Region) -> NDArray[np.bool_]:
-    """The mask without patches that are tiny and touch no stroked limb."""
-    _, label, stats, _ = cv2.connectedComponentsWithStats(is_wood.astype(np.uint8), connectivity=8)
-    keep = stats[:, cv2.CC_STAT_AREA] >= max(4, SPECK * region.size_px**2)
-    keep[np.unique(label[on_limb & is_wood])] = True
+def distinct_colours(wood: Mixture | None, leaf: Mixture | None) -> Mixture | None:
+    """The wood's mixture without the clusters too near a leaf cluster (Tan et al. 2008, sec. 2); None if none is left."""
+    if wood is None or leaf is None:
+        return wood
+    is_distinct = component_distance(wood, leaf).min(axis=1) > TOO_NEAR
+    return wood.subset(is_distinct) if is_distinct.any() else None
+
+
+def _like_limbs(found: NDArray[np.bool_], region: Region, limbs: Limbs) -> NDArray[np.bool_]:
+    """The patches of wood (h, w) that touch a stroked limb or look like one: longer than wide, and no specks."""
+    label, area, radius = _patches(found)
+    keep = (area > LONG * radius**2) & (area >= max(4, SPECK * region.size_px**2))
+    keep[np.unique(label[limbs.is_limb & found])] = True
     keep[0] = False
     return np.asarray(keep[label])
+
+
+def _forks(found: NDArray[np.bool_], ribbon: NDArray[np.bool_], is_tree: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The patches of wood (h, w) below the crown that lead from a stroked limb up into the crown."""
+    label, _, _ = _patches(found & ~ribbon)
+    block = np.ones((5, 5), np.uint8)
+    from_limb, to_crown = (np.unique(label[cv2.dilate(end.astype(np.uint8), block) > 0]) for end in (ribbon, is_tree))
+    both = np.intersect1d(from_limb, to_crown)
+    return np.asarray(np.isin(label, both[both > 0]))
+
+
+def _patches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    """Labels (h, w) of a mask's connected patches, and of each its area and its greatest half width, px."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    radius = np.zeros(len(stats))
+    np.maximum.at(radius, label[mask], cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)[mask])
+    return label, stats[:, cv2.CC_STAT_AREA], radius
 
 
 def share_out(
