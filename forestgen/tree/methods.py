@@ -44,16 +44,7 @@ TAN_2008 = Method()
 TAN_2008_PAPER = Method(
     segment=GraphCutFoliage(rule="green_red", smoothness=60.0),
     trace=CircleTracing(),
-    grow=SubtreeReplacement(
-        iterations=100,
-        patience=0,
-        shortest=0.0,
-        min_gain=0.0,
-        whole_branches=True,
-        round_crown=False,
-        leader=False,
-        twigs=False,
-    ),
+    grow=SubtreeReplacement.paper(),
     radius=ConstantRatio(),
     leaves=LeavesAlongBranches(size_rule="trunk", number_rule="branch"),
 )

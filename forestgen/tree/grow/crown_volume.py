@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from forestgen.camera import Camera
 from forestgen.errors import StageError
+from forestgen.tree.grow.leaf_masses import LeafMasses
+from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
 from forestgen.tree.scale import own_part
 from forestgen.tree.strokes import fill_outline
 from forestgen.tree.view import View
@@ -26,35 +27,10 @@ PASS = 0.010  # radius of the sky gaps that wood may cross
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
 BEHIND = 0.02  # what lies this much farther off than the trunk is behind the wood that shows in the photo
+SKIN = 0.03  # this near to the crown's front no limb grows: leaves must hide it, as they hide those of the photo
 LONG = 0.025  # a segment longer than this could leap over a gap that no wood may cross
-SMOOTH = 0.03  # along the height, of the depth: the unseen outline does not repeat the seen one's notches
-RIM = 0.08  # of the squared half-width: what thickness is left at the outline
 PROBES = 4000  # random points that measure the volume
-PROFILE = 512  # heights at which the turned outline is kept
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
-
-
-@dataclass(frozen=True, eq=False)
-class TurnedOutline:
-    """The outline of a view's envelope about the trunk; its camera's axes, metres. R heights."""
-
-    axes: NDArray[np.float64]  # (3, 3) right, up, toward the camera
-    up: NDArray[np.float64]  # (R,) rising by even steps
-    centre: NDArray[np.float64]  # (R,) of the trunk, along right
-    left: NDArray[np.float64]  # (R,) half-widths, 0 where there is no crown
-    right: NDArray[np.float64]  # (R,)
-    depth: NDArray[np.float64]  # (R,)
-
-    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether points (N, 3) lie within the depth that the turned outline has at their place (N,)."""
-        across, up, toward = (points @ self.axes.T).T
-        step = (self.up[-1] - self.up[0]) / (len(self.up) - 1)  # the heights are even: no search
-        row = np.clip(np.rint((up - self.up[0]) / max(step, 1e-9)), 0, len(self.up) - 1).astype(np.int64)
-        off = across - self.centre[row]
-        side = np.where(off < 0, self.left[row], self.right[row])
-        share = 1 - (off / np.maximum(side, 1e-9)) ** 2
-        reach = self.depth[row] * np.sqrt(np.maximum(share, RIM))
-        return np.asarray((np.abs(toward) <= reach) & (up >= self.up[0]) & (up <= self.up[-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +45,14 @@ class CrownVolume:
     height: float  # m, of the tree
     low: NDArray[np.float64]  # (3,) box about the crown, m
     high: NDArray[np.float64]  # (3,)
+    hides: bool = True  # whether leaves hide the wood behind them
+    masses: LeafMasses | None = None  # where in the crown twigs may end; None: everywhere
 
     def allows(self, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Whether wood may pass at points (N, 3), and whether a twig may end there, both (N,)."""
         within = np.ones(len(points), bool) if self.turned is None else self.turned.contains(points)
-        pass_, end = within.copy(), within.copy()
+        end = within if self.masses is None else self.masses.contains(points)
+        pass_, end = within | end, end.copy()
         for camera, passable, leafy, wooden in zip(self.cameras, self.passable, self.leafy, self.wooden, strict=True):
             column, row = np.floor(camera.project(points)).astype(np.int64).T
             seen = (column >= 0) & (row >= 0) & (column < passable.shape[1]) & (row < passable.shape[0])
@@ -90,6 +69,12 @@ class CrownVolume:
         for share in (1 / 3, 2 / 3):
             clear[long] &= self.allows(a[long] + share * (b[long] - a[long]))[0]
         return clear
+
+    def is_skin(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether points (N, 3) lie where no leaf would hide a limb from the photo's camera, (N,)."""
+        if self.masses is None or not self.hides:
+            return np.zeros(len(points), bool)
+        return self.masses.in_front(points, SKIN * self.height)
 
     def spacing_for(self, count: int, rng: np.random.Generator) -> float:
         """The spacing, metres, at which about `count` points fill the volume."""
@@ -156,7 +141,8 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     turned = turn_outline(outlines[0], views[0].camera, height) if is_open else None
     low, high = _box(outlines, [view.camera for view in views], height)
     cameras = tuple(view.camera for view in views)
-    return CrownVolume(cameras, tuple(passable), tuple(leafy), tuple(wooden), turned, height, low, high)
+    hides = not views[0].mattes.is_bare
+    return CrownVolume(cameras, tuple(passable), tuple(leafy), tuple(wooden), turned, height, low, high, hides)
 
 
 def _height(own: NDArray[np.bool_], camera: Camera) -> float:
@@ -165,23 +151,6 @@ def _height(own: NDArray[np.bool_], camera: Camera) -> float:
         raise StageError("nothing of the tree was found in its photo to grow into")
     top = camera.unproject([[camera.root_px[0], float(np.flatnonzero(own.any(axis=1))[0])]])
     return max(float(top[0] @ camera.axes[1]), 1e-6)
-
-
-def turn_outline(outline: NDArray[np.bool_], camera: Camera, height: float) -> TurnedOutline:
-    """Half-widths of an envelope (H, W) about the trunk, row by row, and the depth they suggest."""
-    rows = np.flatnonzero(outline.any(axis=1))
-    first = outline[rows].argmax(axis=1)
-    last = outline.shape[1] - outline[rows, ::-1].argmax(axis=1)
-    ends = [camera.unproject(np.column_stack([x, rows + 0.5])) @ camera.axes.T for x in (first, last)]
-    up, low, high = ends[0][::-1, 1], ends[0][::-1, 0], ends[1][::-1, 0]
-    even = np.linspace(up[0], up[-1], PROFILE)
-    low, high = np.interp(even, up, low), np.interp(even, up, high)
-    quarter = 0.25 * (high - low)  # a trunk whose foot is not under its crown: turn about the crown's own middle half
-    sigma = SMOOTH * height / max(even[1] - even[0], 1e-9)
-    centre = gaussian_filter1d(np.clip(0.0, low + quarter, high - quarter), sigma, mode="nearest")
-    left, right = np.maximum(centre - low, 0.0), np.maximum(high - centre, 0.0)
-    depth = gaussian_filter1d(0.5 * (left + right), sigma, mode="nearest")
-    return TurnedOutline(camera.axes, even, centre, left, right, depth)
 
 
 def _box(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.grow.crown_volume import TurnedOutline
+from forestgen.tree.grow.turned_outline import TurnedOutline
 
 STEM_REACH = 0.85  # share of the crown's height: a trunk drawn so far up is a single stem
 STEM_HINT = 0.6  # so far, in a crown that narrows upward, it is one too

@@ -68,6 +68,7 @@ class PlacementRules:
         wanted = self.for_trunk if order == 0 else self.for_sides
         placed = place(line, wanted if which is None else wanted.only(which))
         may_pass, may_end = self.volume.allows(placed.position)
+        may_pass &= ~self.volume.is_skin(placed.position)
         return placed, self.prune(placed, may_pass & self.volume.spans(placed.before, placed.position), may_end)
 
     def prune(self, placed: Placements, may_pass: NDArray[np.bool_], may_end: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.axes import stem_end
-from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume, turn_outline
+from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.growth_form import growth_form, leader
+from forestgen.tree.grow.leaf_masses import leaf_masses
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
+from forestgen.tree.grow.turned_outline import turn_outline
 from forestgen.tree.grow.twigs import grow_twigs, smooth
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy
@@ -47,6 +50,7 @@ class SubtreeReplacement(Strategy):
     min_gain: float = 0.003  # of the first cost; paper: 0; least fall of the cost that is worth an iteration
     whole_branches: bool = False  # paper: a branch that leaves the foliage is removed; here it is cut back
     round_crown: bool = True  # paper: no; the crown is as deep as wide, and points in it attract as the joints do
+    leaf_masses: bool = True  # paper: no; the crown is made of lobes as large and uneven as the outline's
     volume_interval: float = 0.05  # of the height, between the points in the crown
     leader: bool = True  # paper: no; the single stem of a conifer is carried on to the crown's top
     twigs: bool = True  # paper: no; last generations wherever the crown has no wood near
@@ -64,6 +68,7 @@ class SubtreeReplacement(Strategy):
             min_gain=0.0,
             whole_branches=True,
             round_crown=False,
+            leaf_masses=False,
             leader=False,
             twigs=False,
         )
@@ -83,6 +88,10 @@ class SubtreeReplacement(Strategy):
         outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
         form = growth_form(tree.line(0), outline)
         library = self._library(skeleton, stem_end(skeleton, views[0]), form)
+        if volume.turned is not None and self.leaf_masses:
+            limbs = visible.position[outer_nodes(tree)]
+            masses = leaf_masses(volume.leafy[0], volume.cameras[0], volume.turned, volume.height, limbs, rng=rng)
+            volume = replace(volume, masses=masses)
         if form == "excurrent" and self.leader:
             tree.lead(leader(tree.line(0), outline, volume.height))
         image, space = self._attractors(tree, views, volume, rng=rng)
@@ -125,3 +134,11 @@ class SubtreeReplacement(Strategy):
         if self.round_crown:
             space.add(volume.sample(self.volume_interval * volume.height, rng), *tree.segments())
         return image, space
+
+
+def outer_nodes(tree: GrowingTree) -> NDArray[np.int64]:
+    """Nodes of the visible side branches in their outer halves, tips first: these carry leaf masses."""
+    found: list[int] = []
+    for axis in tree.axes[1:]:
+        found += axis.nodes[len(axis.nodes) // 2 :][::-1].tolist()
+    return np.array(found, np.int64)

