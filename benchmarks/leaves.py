@@ -27,7 +27,7 @@ def main() -> None:
     start = time.process_time()
     atlas = LeafAtlasFromPhoto()([view], rng=np.random.default_rng(0))
     print(f"atlas: {len(atlas.prototypes)} prototypes in {time.process_time() - start:.2f} s")
-    for layers in (4.0, 8.0, 16.0, 32.0):  # the slope: seconds grow with leaves
+    for layers in (4.0, 32.0, 64.0, 128.0):  # the slope: seconds grow with leaves
         start = time.process_time()
         leaves = LeavesAlongBranches(layers=layers, spacing=100.0)(
             skeleton, [view], atlas, rng=np.random.default_rng(0)

@@ -44,7 +44,7 @@ class LeavesAlongBranches(Strategy):
     size: float = 1.0  # ours: factor on the length that the rule gives
     size_spread: float = 0.18  # ours: relative standard deviation of the length
     number_rule: Literal["cover", "branch"] = "cover"  # ours; "branch": sec. 4, in proportion to a branch's length
-    layers: float = 4.0  # ours: how many times the leaves would cover the foliage, laid side by side
+    layers: float = 6.0  # ours: how many times the leaves would cover the foliage, laid side by side
     spacing: float = 0.5  # ours: and at least one leaf on so many lengths of a leaf of young wood
     fewest_per_branch: int = 50  # sec. 4
     most_per_branch: int = 200  # sec. 4
