@@ -37,7 +37,7 @@ def write_scene(folder: Path, *names: str, seed: int = 7, extra: str = "") -> Pa
         write_inputs(folder)
     text = f'[scene]\nname = "small"\nseed = {seed}\n'
     for k, name in enumerate(names):
-        text += f'[[tree]]\nname = {json.dumps(name)}\nheight = 5.5\nposition = [{4 * k}, 0, 0]\n'
+        text += f"[[tree]]\nname = {json.dumps(name)}\nheight = 5.5\nposition = [{4 * k}, 0, 0]\n"
         text += f'photo = "photo.png"\nstrokes = "strokes.json"\n{QUICK}'
     path = folder / "scene.toml"
     path.write_text(text + extra, encoding="utf-8")
@@ -51,3 +51,12 @@ def digests(folder: Path) -> dict[str, str]:
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def defeating_strokes(folder: Path) -> str:
+    """Write a stroke set whose crown leaves no background in the photo: a stage gives up. Returns its name."""
+    strokes = json.loads((folder / "strokes.json").read_text())
+    width, height = strokes["size"]
+    corners = [[0, 0], [width, 0], [width, height], [0, height]]
+    (folder / "everywhere.json").write_text(json.dumps({**strokes, "crown": corners}))
+    return "everywhere.json"

@@ -47,18 +47,19 @@ def own_pid(job: float, on_stage) -> int:
 
 
 def chatter(job: int, on_stage) -> int:
-    print("chatter", flush=True)
+    sys.stdout.write("chatter\n")
+    sys.stdout.flush()
     os.write(1, b"more chatter")
     return job
 
 
-class Unsendable(Exception):
+class UnsendableError(Exception):
     def __init__(self, first, second):
         super().__init__(f"{first} and {second}")
 
 
 def raise_unsendable(job: int, on_stage) -> None:
-    raise Unsendable(1, 2)
+    raise UnsendableError(1, 2)
 
 
 def unsendable_result(job: int, on_stage):
@@ -80,7 +81,7 @@ def test_results_come_in_the_order_of_the_jobs(n_workers):
 def test_progress_of_each_job_arrives_in_order_and_ends(n_workers):
     heard: dict[int, list] = {0: [], 1: [], 2: []}
     run_parallel(square, range(3), n_workers, lambda index, *what: heard[index].append(what))
-    assert heard == dict.fromkeys(range(3), [("think", 1, 2), ("", 1, 1)])
+    assert heard == {index: [("think", 1, 2), ("", 1, 1)] for index in range(3)}
 
 
 @pytest.mark.parametrize("n_workers", [1, 2])
@@ -104,7 +105,7 @@ def test_other_errors_cross_the_border_with_their_class(n_workers, error):
 
 
 def test_errors_that_cannot_travel_are_told_in_words():
-    with pytest.raises(RuntimeError, match="Unsendable: 1 and 2") as caught:
+    with pytest.raises(RuntimeError, match="UnsendableError: 1 and 2") as caught:
         run_parallel(raise_unsendable, [1, 2], 2)
     assert "raise_unsendable" in caught.value.__notes__[0]  # the worker's traceback
     with pytest.raises(TypeError, match="pickle"):
@@ -178,5 +179,5 @@ def test_workers_end_with_their_parent():
         parent.kill()
         parent.wait()
     assert workers
-    gone, alive = psutil.wait_procs(workers, timeout=10)
+    _, alive = psutil.wait_procs(workers, timeout=10)
     assert not alive
