@@ -50,8 +50,8 @@ class GeneralisedCylinders(Strategy):
     collar: float = 0.8  # radius of the fillet at a junction, in radii of the child
     lean: float = 0.8  # how much a branch as thick as its parent leaves in the parent's direction
     tip: float = 0.35  # radius at the end of a limb, as a share of its base; thinner ends stay
-    flare: float = 0.4  # widening of the trunk at the ground, as a share of its radius
-    sink: float = 0.35  # how far the trunk reaches into the ground, in its radii
+    flare: float = 0.2  # widening of the trunk at the ground, as a share of its radius
+    sink: float = 0.15  # how far the trunk reaches into the ground, in its radii
     roughness: float = 0.05  # unevenness of thick limbs, in radii
 
     def __call__(self, skeleton: Skeleton, bark: Bark) -> Mesh:

@@ -192,7 +192,7 @@ def test_v_goes_on_from_the_parent_to_its_side_branch() -> None:
 
 def test_the_trunk_widens_into_the_ground_around_the_root() -> None:
     skeleton = polyline([[0, 0.3 * k, 0] for k in range(10)], 0.2)
-    mesh = GeneralisedCylinders(tip=1.0)(skeleton, BARK)
+    mesh = GeneralisedCylinders(tip=1.0, flare=0.4, sink=0.35)(skeleton, BARK)
     assert mesh.points[:, 1].min() == pytest.approx(-0.35 * 0.2)
 
     def mean_radius(y: float) -> float:
