@@ -46,7 +46,15 @@ TAN_2008_PAPER = Method(
     trace=CircleTracing(),
     grow=SubtreeReplacement.paper(),
     radius=ConstantRatio(),
-    leaves=LeavesAlongBranches(size_rule="trunk", number_rule="branch"),
+    leaves=LeavesAlongBranches(
+        size_rule="trunk",
+        number_rule="branch",
+        size_spread=0.0,
+        tries=1,
+        fill_rounds=0,
+        divergence_spread_deg=360.0,
+        inside=1.0,
+    ),
 )
 METHODS = {"tan2008": TAN_2008, "tan2008_paper": TAN_2008_PAPER}
 
