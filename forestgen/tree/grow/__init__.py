@@ -15,7 +15,8 @@ from forestgen.tree.view import View
 class Grow(Protocol):
     """Contract of a grower: the visible branches stay as they came in.
 
-    Their nodes keep places, radii and order, and come first; others may be put between them, on
+    Their nodes keep their places in the photos, radii and order, and come first; one that lies
+    outside the crown may move along the camera's ray; others may be put between them, on
     the same branch and with radii between theirs. What has grown follows, with radius NaN.
     """
 

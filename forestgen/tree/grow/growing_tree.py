@@ -38,6 +38,15 @@ class GrowingTree:
         self.parent = np.concatenate([self.parent, above])
         self.axes[0] = replace(trunk, nodes=np.concatenate([trunk.nodes, np.arange(first, first + len(points))]))
 
+    def bear(self, axis: int, foot: int, points: NDArray[np.float64]) -> None:
+        """Let an axis bear a new one along points (P, 3), from its node number `foot` on."""
+        first, start = len(self.parent), int(self.axes[axis].nodes[foot])
+        new = np.arange(first, first + len(points))
+        self.position = np.concatenate([self.position, points])
+        self.parent = np.concatenate([self.parent, [start], new[:-1]])
+        self.axes.append(Axis(np.concatenate([[start], new]), self.axes[axis].order + 1, axis))
+        self.radius.append(RATIO * self.radius[axis])
+
     @property
     def skeleton(self) -> Skeleton:
         """The tree as it stands; radius NaN at new nodes."""

@@ -60,13 +60,14 @@ class LeafMasses:
     def _cell_of(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         index = np.floor((points @ self.axes.T - self.low) / self.cell).astype(np.int64)
         inside = ((index >= 0) & (index < self.filled.shape)).all(axis=1)
-        return np.where(inside[:, None], index, 0), np.asarray(inside, bool)
+        return np.asarray(np.where(inside[:, None], index, 0), np.int64), np.asarray(inside, bool)
 
 
 def leaf_masses(
     leafy: NDArray[np.bool_],
     camera: Camera,
-    turned: TurnedOutline,
+    hull: Hull,
+    sizes: NDArray[np.float64],
     height: float,
     limbs: NDArray[np.float64],
     *,
@@ -74,10 +75,8 @@ def leaf_masses(
 ) -> LeafMasses:
     """The masses of a crown that a view shows as foliage (H, W); some hold the visible limbs' outer nodes (K, 3)."""
     room = room_in(leafy, camera)
-    sizes = lobe_sizes(leafy, camera.px_per_metre, height)
-    hull = Hull.of(turned, rng=rng)
     centre, radius = pack(room, camera, hull, sizes, limbs, height, rng=rng)
-    centre, radius = cover(leafy, room, camera, turned, centre, radius, height)
+    centre, radius = cover(leafy, room, camera, hull.turned, centre, radius, height)
     return fill_cells(centre, radius, FLAT, camera.axes, CELL * height)
 
 
@@ -110,7 +109,8 @@ def lobe_sizes(leafy: NDArray[np.bool_], px_per_metre: float, height: float) -> 
     small = cv2.resize(leafy.astype(np.uint8), None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     small = np.pad(cv2.morphologyEx(small, cv2.MORPH_CLOSE, _disc(2)), 20)
     unit = height * px_per_metre * shrink
-    rim = np.asarray((small > 0) & (cv2.distanceTransform(small, cv2.DIST_L2, 5) < RIM * unit), bool)
+    away = cv2.distanceTransform(small, cv2.DIST_L2, 5)
+    rim: NDArray[np.bool_] = (small > 0) & (away < RIM * unit)
     share = [np.count_nonzero(cv2.morphologyEx(small, cv2.MORPH_OPEN, _disc(s * unit))[rim]) for s in SIZES]
     many = -np.diff([max(np.count_nonzero(rim), 1), *share[1:], 0])
     return np.repeat(SIZES, np.maximum(1, np.rint(50 * many / max(many.sum(), 1))).astype(int)) * height
@@ -148,14 +148,32 @@ class Hull:
 
     def reach(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far from the trunk's plane the hull reaches (N,) at points (N, 3) in the camera's axes, metres."""
-        low, high = self.turned.up[0], self.turned.up[-1]
         azimuth = self.turned.azimuth(local)
-        share = (local[:, 1] - low) / (high - low)
-        wave = 2 * np.pi * np.arange(1, WAVES + 1) * share[:, None]
-        uneven = 1 + (self.size * np.cos(wave + self.round * azimuth[:, None] + self.phase)).sum(axis=1)
-        sway = SWAY * np.sin(azimuth) ** 2 * np.cos(azimuth[:, None] * [1, 2] + self.sway).sum(axis=1)
+        return self._uneven(azimuth, local[:, 1]) * self.turned.reach(local[:, 0], self._swayed(azimuth, local[:, 1]))
+
+    def radius(self, azimuth: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far from the trunk the hull reaches (N,) at azimuths (N,), radians, and heights (N,), metres."""
+        row = self.turned.row(self._swayed(azimuth, up))
+        side = np.where(np.cos(azimuth) < 0, self.turned.left[row], self.turned.right[row])
+        across, toward = (
+            np.cos(azimuth) / np.maximum(side, 1e-9),
+            np.sin(azimuth) / np.maximum(self.turned.depth[row], 1e-9),
+        )
+        uneven = 1 + (self._uneven(azimuth, up) - 1) * np.sin(azimuth) ** 2  # at both sides the outline is seen
+        return np.asarray(uneven / np.hypot(across, toward))
+
+    def _uneven(self, azimuth: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+        low, high = self.turned.up[0], self.turned.up[-1]
+        wave = 2 * np.pi * np.arange(1, WAVES + 1) * ((up - low) / (high - low))[:, None]
+        return np.asarray(1 + (self.size * np.cos(wave + self.round * azimuth[:, None] + self.phase)).sum(axis=1))
+
+    def _swayed(self, azimuth: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The heights (N,) whose profile stands at azimuths (N,) and heights (N,)."""
+        low, high = self.turned.up[0], self.turned.up[-1]
+        share = (up - low) / (high - low)
         inside = np.clip(4 * share * (1 - share), 0, 1)  # the top and the foot stay
-        return np.asarray(uneven * self.turned.reach(local[:, 0], local[:, 1] + sway * inside * (high - low)))
+        sway = SWAY * np.sin(azimuth) ** 2 * np.cos(azimuth[:, None] * [1, 2] + self.sway).sum(axis=1)
+        return np.asarray(up + sway * inside * (high - low))
 
 
 def pack(

@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.axes import stem_end
+from forestgen.tree.grow.boughs import boughs_of, steepness
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.densify import densify
+from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.growth_form import growth_form, leader
-from forestgen.tree.grow.leaf_masses import leaf_masses
+from forestgen.tree.grow.leaf_masses import FINEST, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
-from forestgen.tree.grow.turned_outline import turn_outline
+from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
 from forestgen.tree.grow.twigs import grow_twigs, smooth
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy
@@ -83,17 +85,17 @@ class SubtreeReplacement(Strategy):
             InputError: the user's library cannot be read.
         """
         volume = crown_volume(views, is_round=self.round_crown)
+        if volume.turned is not None:
+            skeleton = drawn_in(skeleton, volume.cameras[0], volume.turned)
         visible, _ = densify(skeleton, VISIBLE_SPACING * volume.height)
         tree = GrowingTree(visible, stem_end(visible, views[0]))
         outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
         form = growth_form(tree.line(0), outline)
         library = self._library(skeleton, stem_end(skeleton, views[0]), form)
-        if volume.turned is not None and self.leaf_masses:
-            limbs = visible.position[outer_nodes(tree)]
-            masses = leaf_masses(volume.leafy[0], volume.cameras[0], volume.turned, volume.height, limbs, rng=rng)
-            volume = replace(volume, masses=masses)
         if form == "excurrent" and self.leader:
             tree.lead(leader(tree.line(0), outline, volume.height))
+        if volume.turned is not None and self.leaf_masses:
+            volume = replace(volume, masses=self._masses(tree, volume, volume.turned, form, rng=rng))
         image, space = self._attractors(tree, views, volume, rng=rng)
         h = volume.height
         share = 1.0 if self.whole_branches else 0.4
@@ -118,6 +120,26 @@ class SubtreeReplacement(Strategy):
         chosen = choose_diverse(visible, self.n_subtrees // 2)
         rest = choose_diverse(predefined, self.n_subtrees - len(chosen) - len(own))
         return (*own, *chosen, *rest)[: self.n_subtrees]
+
+    def _masses(
+        self, tree: GrowingTree, volume: CrownVolume, turned: TurnedOutline, form: str, *, rng: np.random.Generator
+    ) -> LeafMasses:
+        """The crown's leaf masses; a single stem gets the boughs that carry them."""
+        leafy, camera, h = volume.leafy[0], volume.cameras[0], volume.height
+        hull = Hull.of(turned, rng=rng)
+        sizes = lobe_sizes(leafy, camera.px_per_metre, h)
+        outer = tree.position[outer_nodes(tree)]
+        if form != "excurrent":
+            return leaf_masses(leafy, camera, hull, sizes, h, outer, rng=rng)
+        steep = steepness(tree.position, tree.axes, turned.axes[0], h)
+        boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, rng=rng)
+        for bough in boughs:
+            tree.bear(0, bough.foot, bough.points)
+        nodes = np.concatenate([bough.points for bough in boughs] or [np.zeros((0, 3))])
+        width = np.concatenate([bough.width for bough in boughs] or [np.zeros(0)])
+        seen = np.full(len(outer), 2 * FINEST * h)
+        at, wide = np.concatenate([nodes[width > 0], outer]), np.concatenate([width[width > 0], seen])
+        return tiers(leafy, camera, turned, h, at, wide)
 
     def _attractors(
         self, tree: GrowingTree, views: Sequence[View], volume: CrownVolume, *, rng: np.random.Generator
