@@ -135,9 +135,11 @@ def main() -> NoReturn:
 def _run() -> int:
     """Run the command of sys.argv; returns its exit code."""
     try:
-        code = app(standalone_mode=False)
+        code = int(app(standalone_mode=False) or 0)  # typer makes KeyboardInterrupt an exit code
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
         sys.stdout.flush()
-        return int(code or 0)
+        return code
     except (KeyboardInterrupt, typer.Abort):
         _complain("interrupted; what was built before is intact")
         return INTERRUPTED
