@@ -2,11 +2,14 @@
 
     python benchmarks/fidelity.py [--method tan2008] [--method tan2008_paper] [--only NAME] [--set truth|photos]
                                   [--jobs N] [--keep DIR] [--pictures DIR]
+    python benchmarks/fidelity.py --floors tests/photo_floors.json
 
 Reads the folder `shared` beside the checkout and prints GitHub-Markdown tables. Trees of known truth
 are scored by its independent `tools/score_tree.py` beside the null models; real trees by our own check.
 `--keep` leaves the built scenes in a folder; `--pictures` writes one strip a tree (photo, render,
-front, side, back, above): no picture made from those photos may enter the repository.
+front, side, back, above): no picture made from those photos may enter the repository. `--floors`
+measures the trees of that file anew with tan2008 and writes what they reach: tests/test_photos.py
+lets no later version fall behind.
 """
 
 from __future__ import annotations
@@ -44,7 +47,7 @@ STRIP_HEIGHT = 420  # px
 def truth_scene(shared: Path, method: str, only: Sequence[str] = ()) -> Scene | None:
     """A scene of all single trees of known truth, each from its front photo; None where `only` names none."""
     folder = shared / "ground_truth"
-    trees = []
+    trees: list[TreeSpec] = []
     for truth in sorted(folder.glob("*/truth.json")):
         if not (truth.parent / "photo_az000.jpg").is_file() or (only and truth.parent.name not in only):
             continue  # the wood: one photo of several trees, no truth from other sides
@@ -82,7 +85,7 @@ def score_truth(shared: Path, usd: Path, name: str) -> dict[str, Any]:
     Raises:
         subprocess.CalledProcessError: it could not read the tree.
     """
-    command = [sys.executable, shared / "tools" / "score_tree.py", usd, shared / "ground_truth" / name]
+    command = [sys.executable, str(shared / "tools" / "score_tree.py"), str(usd), str(shared / "ground_truth" / name)]
     return dict(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
 
 
@@ -166,6 +169,33 @@ def _cell(value: Any) -> str:
     return str(value)
 
 
+def measure_floors(shared: Path, path: Path, jobs: int, out: Path) -> None:
+    """Build the trees that a file of floors names and write what they reach now."""
+    floors = json.loads(path.read_text())
+    for scene in photo_scenes(shared, "tan2008", list(floors["photos"])):
+        floors["photos"] |= photo_figures(build_scene(scene, out / scene.prim_name, jobs=jobs))
+    if truth := truth_scene(shared, "tan2008", list(floors["truth"])):
+        build_scene(truth, out / "truth", jobs=jobs)
+        floors["truth"] |= truth_figures(score_all(shared, out / "truth", truth, jobs))
+    path.write_text(json.dumps(floors, indent=1) + "\n")
+
+
+def photo_figures(report: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """By tree, the measures of our own check that have a target."""
+    return {tree["name"]: {name: tree["views"][0][name] for name in TARGETS} for tree in report["trees"]}
+
+
+def truth_figures(scored: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """By tree, the independent scorer's figures of the photo's side and of the unseen sides."""
+    return {
+        name: {
+            **{key: row["views"]["photo_0"][key] for key in ("envelope_iou", "boundary_f", "wood_f")},
+            "unseen_envelope_iou": row["unseen_envelope_iou"],
+        }
+        for name, row in scored.items()
+    }
+
+
 def write_strips(out: Path, scene: Scene, folder: Path, prefix: str) -> None:
     """One picture a tree: photo, render, and the tree lit from the front, the side, the back and above."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -175,7 +205,7 @@ def write_strips(out: Path, scene: Scene, folder: Path, prefix: str) -> None:
         pictures = [picture for file in files if (picture := cv2.imread(str(file))) is not None]
         if pictures:
             strip = [cv2.resize(p, (round(p.shape[1] * STRIP_HEIGHT / p.shape[0]), STRIP_HEIGHT)) for p in pictures]
-            cv2.imwrite(str(folder / f"{prefix}_{tree.prim_name}.jpg"), np.hstack(strip))
+            cv2.imwrite(str(folder / f"{prefix}_{tree.prim_name}.png"), np.hstack(strip))
 
 
 @contextmanager
@@ -211,6 +241,7 @@ def main() -> None:
     parser.add_argument("--method", action="append", choices=sorted(METHODS), help="default: all")
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="a tree; may be repeated")
     parser.add_argument("--set", choices=("truth", "photos"), help="default: both")
+    parser.add_argument("--floors", type=Path, metavar="FILE", help="only measure the floors of the tests anew")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="leave the built scenes here")
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="write a strip of pictures a tree")
@@ -218,8 +249,11 @@ def main() -> None:
     if not (SHARED / "ground_truth").is_dir():
         print(f"skipped: there is no folder '{SHARED.name}' with photographs and ground truth beside this checkout")
         return
-    for method in options.method or sorted(METHODS):
-        with workplace(options.keep) as folder:
+    with workplace(options.keep) as folder:
+        if options.floors:
+            measure_floors(SHARED, options.floors, options.jobs, folder / "floors")
+            return
+        for method in options.method or sorted(METHODS):
             run(SHARED, method, options, folder / method)
 
 
