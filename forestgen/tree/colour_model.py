@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
 
@@ -42,7 +42,7 @@ class Mixture:
         flat = rgb.reshape(-1, 3)
         return log_sum(self.joint_log_density(flat)).reshape(rgb.shape[:-1])
 
-    def subset(self, which: ArrayLike) -> Mixture:
+    def subset(self, which: NDArray[Any]) -> Mixture:
         """The mixture of some components (a mask or indices), their weights scaled to add up to 1."""
         weight = self.weight[which]
         if not len(weight):

@@ -13,6 +13,7 @@ from forestgen.tree.colour_model import NOISE, Mixture, log_sum
 CELLS = 64  # of the coarse grid, across the window's longer side
 REACH = ((0.04, 1.0), (0.12, 0.1), (0.36, 0.01))  # (sigma as a share of the window, weight) of the kernel's parts
 ELSEWHERE = 0.2  # share of each colour's pixels that keep its spread over the whole ring, wherever they are
+PEAK, LEAST = 13.0, 1e-37  # no density exceeds e^13 (a Gaussian as narrow as NOISE); less than LEAST e^13 is nothing
 ANCHOR = 0.003  # what the mixture as a whole counts against local samples: keeps every known colour possible
 
 
@@ -30,16 +31,16 @@ class BackgroundField:
         """Log density of each pixel's colour (h, w, 3) under the model of its own place: (h, w)."""
         size = rgb.shape[1::-1]
         anywhere = self.anywhere.joint_log_density(rgb.reshape(-1, 3)).T
-        joint = np.empty((2 * len(self.log_scale), *rgb.shape[:2]), np.float32)
+        density = np.zeros(rgb.shape[:2], np.float32)
         for k, root in enumerate(self.precision_root):
-            away = rgb - cv2.resize(self.mean[:, :, k], size, interpolation=cv2.INTER_LINEAR)
-            away = cv2.transform(away, root)
-            weight = np.log(cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR))
-            here = self.log_scale[k] - np.float32(0.5) * np.einsum("hwi,hwi->hw", away, away)
-            joint[2 * k] = here + weight + np.float32(np.log(1 - ELSEWHERE))
-            weight += np.float32(np.log(ELSEWHERE / self.anywhere.weight[k]))
-            joint[2 * k + 1] = anywhere[k].reshape(weight.shape) + weight
-        return np.asarray(log_sum(joint.transpose(1, 2, 0)))
+            mean = cv2.resize(self.mean[:, :, k], size, interpolation=cv2.INTER_LINEAR)
+            away = cv2.transform(rgb - mean, root)
+            here = np.float32(-0.5) * np.einsum("hwi,hwi->hw", away, away) + self.log_scale[k]
+            there = anywhere[k].reshape(density.shape)
+            weight = cv2.resize(self.weight[:, :, k], size, interpolation=cv2.INTER_LINEAR)
+            share = np.float32(ELSEWHERE / self.anywhere.weight[k])
+            density += weight * ((1 - np.float32(ELSEWHERE)) * np.exp(here - PEAK) + share * np.exp(there - PEAK))
+        return np.asarray(np.log(np.maximum(density, np.float32(LEAST))) + np.float32(PEAK))
 
 
 def spread_background(

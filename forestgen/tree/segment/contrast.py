@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from forestgen.errors import StageError
-from forestgen.tree.colour_model import Mixture, fit_mixture
+from forestgen.tree.colour_model import fit_mixture
 from forestgen.tree.segment.background_field import spread_background
 from forestgen.tree.segment.region import Region
 
 FITTED_ON = 150_000  # pixels: the models are fitted on every n-th pixel of larger windows
-BACKGROUND_COLOURS = 8  # Gaussians for what is around the tree: sky, cloud, hill, ground, walls
+BACKGROUND_COLOURS = 10  # Gaussians for what is around the tree: sky, cloud, hill, ground, walls
 ROUNDS = 3  # of refitting both models to what they found
 STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
 SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
-HEART, HEART_DEPTH = 0.0, 0.2  # what the middle of the crown adds, reached at this depth
-GAP, OPEN = 3, 0.5  # px
+GAP, OPEN = 3, 0.5  # of the fitted-on pixels: a gap so wide and so certain counts as open background
+CLIP = 8.0  # nats: what one pixel's colour can say at most, so that a stray colour does not outvote its neighbours
 FAINT = -50.0  # nats, for places that are out of the question
 
 
@@ -53,9 +53,8 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
     known = background.log_density(rgb)
     is_tree = expit(np.minimum(strangeness(known, is_ring), strangeness(colours.log_density(rgb), is_ring))[is_inside])
-    tree = None
+    tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6)
     for _ in range(ROUNDS):
-        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6, start=tree)
         is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside])
         certainty = is_ring.astype(np.float32)
         gap = is_inside & ~is_ring
@@ -63,15 +62,12 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
         is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
         background = spread_background(rgb, certainty, is_open, colours)
         known = background.log_density(rgb)
-    return _whole_region(region, tree, background.log_density(region.rgb), prior)
-
-
-def _whole_region(
-    region: Region, tree: Mixture, log_background: NDArray[np.float32], prior: NDArray[np.float32]
-) -> Evidence:
+        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6, start=tree)
+    log_background = background.log_density(region.rgb)
     log_ratio = np.full(region.depth.shape, FAINT, np.float32)
     inside = region.is_inside
-    log_ratio[inside] = tree.log_density(region.rgb[inside]) - log_background[inside] + prior[inside]
+    says = tree.log_density(region.rgb[inside]) - log_background[inside] + prior[inside]
+    log_ratio[inside] = np.clip(says, -CLIP, CLIP)
     return Evidence(log_ratio, log_background)
 
 
@@ -81,8 +77,5 @@ def strangeness(log_density: NDArray[np.float32], is_ring: NDArray[np.bool_]) ->
 
 
 def outline_prior(region: Region) -> NDArray[np.float32]:
-    """Log odds (h, w) of tree from the place alone: -2 outside the outline, 0 on it, rising inwards."""
-    depth = region.depth / np.float32(region.size_px)
-    return np.clip(depth / np.float32(SURE_DEPTH), -2, 1) + np.float32(HEART) * np.clip(
-        depth / np.float32(HEART_DEPTH), 0, 1
-    )
+    """Log odds (h, w) of tree from the place alone: 1 well inside the outline, 0 on it, -2 well outside."""
+    return np.asarray(np.clip(region.depth / np.float32(SURE_DEPTH * region.size_px), -2, 1))

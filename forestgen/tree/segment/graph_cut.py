@@ -16,50 +16,47 @@ from forestgen.tree.segment.contrast import Evidence, contrast_inside_and_ring
 from forestgen.tree.segment.density_paint import paint
 from forestgen.tree.segment.green_red import green_or_red_clusters
 from forestgen.tree.segment.min_cut import min_cut
-from forestgen.tree.segment.region import Region, look_at
+from forestgen.tree.segment.region import Region, bounding, look_at
 from forestgen.tree.segment.smoothness import edge_costs
-from forestgen.tree.segment.soft_edge import soften
-from forestgen.tree.segment.wood import find_wood, follow_limbs, share_out
+from forestgen.tree.segment.wood import find_wood, follow_limbs, matte
+from forestgen.tree.segment.working_size import enlarge, shrink
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes
-
-CLIP = 8.0  # nats: what one pixel's colour can say at most under the contrast rule
 
 
 @dataclass(frozen=True, kw_only=True)
 class GraphCutFoliage(Strategy):
     """Foliage by a Gibbs energy over the crown's pixels, wood by the rule that all segmenters share."""
 
-    rule: Literal["contrast", "green_red"] = "contrast"  # paper, sec. 2: "green_red"; benchmarks/segmentation.py
+    rule: Literal["contrast", "green_red"] = "contrast"  # sec. 2: "green_red", which fails for blossom and frost
     components: int = 10  # Gaussians for the crown's colours; sec. 2
-    leaf_components: int = 4  # of them leaves, under the rule green_red; sec. 2
-    smoothness: float = 2.0  # lambda; sec. 2 prints 60, which swallows twigs and gaps: see benchmarks/segmentation.py
-    guard: float = (
-        8.0  # levels of 255; the paper's lambda/|dI| is infinite at equal colours, differences below count so
+    leaf_components: int = 4  # how many of them are leaves under the rule green_red; sec. 2
+    smoothness: float = 2.0  # lambda; sec. 2 prints 60: it swallows twigs and gaps (benchmarks/segmentation.py)
+    guard: float = 8.0  # levels of 255: lambda/|dI| of sec. 2 is infinite at equal colours, less counts as this
+    dilations: int = (
+        10  # px by which the crown is widened; sec. 2 prints 10, here for 1500 px and scaled with the photo
     )
-    dilations: int = 10  # px by which the crown is widened, for a 1500 px photo; sec. 2 prints 10 for any size
-    bare: Literal["auto", "yes", "no"] = "auto"  # whether the crown is twigs alone; not in the paper
+    bare: Literal["auto", "yes", "no"] = "auto"  # whether the crown is twigs alone; the paper knows no bare tree
 
     def __call__(self, photo: Photo, strokes: Strokes, *, rng: np.random.Generator) -> Mattes:
         """Both mattes of the tree.
 
         Raises:
-            StageError: neither leaf nor branch pixels are found, or no background to compare with.
+            StageError: neither leaf nor branch pixels are found, or there is no background to compare with.
         """
-        region = look_at(photo.rgb, strokes, self.dilations)
-        limbs = follow_limbs(region, strokes, rng=rng)
+        working, drawn = shrink(photo, strokes)
+        region = look_at(working.rgb, drawn, self.dilations)
+        limbs = follow_limbs(region, drawn, rng=rng)
         evidence = self.weigh(region, rng=rng)
         is_tree = self.cut(region, evidence.log_ratio)
         if self.bare == "yes" or (self.bare == "auto" and is_bare_crown(region, is_tree, limbs.cover)):
-            is_wood, is_leaf = is_tree | (limbs.cover >= 0.5), np.zeros_like(is_tree)
+            is_wood = is_tree | limbs.is_limb
         else:
             is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
-            is_leaf = is_tree & ~is_wood
-        alpha = np.where(region.is_inside | ~limbs.is_near, soften(region.rgb, is_leaf | is_wood), limbs.cover)
-        leaf, wood = share_out(alpha, is_leaf, is_wood)
-        foliage = paint(region.full(leaf, photo.size), strokes.density)
-        branch = np.minimum(region.full(wood, photo.size), 1 - foliage)
-        mattes = Mattes(foliage, branch)
+        leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
+        foliage = paint(region.full(leaf, working.size), drawn.density)
+        branch = np.minimum(region.full(wood, working.size), 1 - foliage)
+        mattes = enlarge(Mattes(foliage, branch), photo.size)
         if not mattes.is_tree.any():
             raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")
         return mattes
@@ -72,6 +69,9 @@ class GraphCutFoliage(Strategy):
 
     def cut(self, region: Region, log_ratio: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Tree pixels (h, w) of least Gibbs energy: data term -log density, smoothness lambda/|dI|."""
-        says = np.clip(log_ratio, -CLIP, CLIP)
-        costs = edge_costs(region.rgb, self.smoothness, self.guard)
-        return min_cut(np.maximum(-says, 0), np.maximum(says, 0), *costs) & region.is_inside
+        window = bounding(region.is_inside)
+        says = log_ratio[window]
+        costs = edge_costs(region.rgb[window], self.smoothness, self.guard)
+        is_tree = np.zeros_like(region.is_inside)
+        is_tree[window] = min_cut(np.maximum(-says, 0), np.maximum(says, 0), *costs)
+        return np.asarray(is_tree & region.is_inside)

@@ -18,6 +18,8 @@ def min_cut(
     `right` (H, W) is what it costs when a pixel and its right neighbour differ (last column unused),
     `down` the same for the neighbour below (last row unused). Costs are finite; those of neighbours >= 0.
     """
+    if not cost_of_one.size:
+        return np.zeros(cost_of_one.shape, bool)
     graph = maxflow.GraphFloat(cost_of_one.size, 2 * cost_of_one.size)
     nodes = graph.add_grid_nodes(cost_of_one.shape)
     to_right = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0]])

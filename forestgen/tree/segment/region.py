@@ -71,3 +71,11 @@ def look_at(rgb: NDArray[np.uint8], strokes: Strokes, dilations: int) -> Region:
         is_ring |= draw_polyline(path, (width, height), max(3, widen // 2))[window]
     pixels = rgb[window].astype(np.float32) / np.float32(255)
     return Region(window, pixels, depth.astype(np.float32), is_ring, is_inside, float(area**0.5))
+
+
+def bounding(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The smallest window that holds a mask (h, w); empty where the mask is."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)

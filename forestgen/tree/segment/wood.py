@@ -11,9 +11,10 @@ from scipy.special import expit
 
 from forestgen.tree.colour_model import ENOUGH_SAMPLES, Mixture, component_distance, fit_mixture
 from forestgen.tree.segment.min_cut import min_cut
-from forestgen.tree.segment.region import Region
+from forestgen.tree.segment.region import Region, bounding
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
 from forestgen.tree.segment.smoothness import edge_costs
+from forestgen.tree.segment.soft_edge import soften
 from forestgen.tree.strokes import Strokes
 
 WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
@@ -117,10 +118,12 @@ def find_wood(
         other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
         hidden = np.where(limbs.is_limb[inside], UNDER_LEAVES, ELSEWHERE)
         says[inside] = wood.log_density(rgb) - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
-    says[limbs.is_limb & ~inside] = CLIP
-    says = np.clip(says, -CLIP, CLIP)
-    found = min_cut(np.maximum(-says, 0), np.maximum(says, 0), *edge_costs(region.rgb, SMOOTH, GUARD))
     ribbon = limbs.is_limb & ~inside
+    says[ribbon] = CLIP
+    window = bounding(inside | beside | ribbon)
+    votes = np.clip(says[window], -CLIP, CLIP)
+    found = np.zeros_like(inside)
+    found[window] = min_cut(np.maximum(-votes, 0), np.maximum(votes, 0), *edge_costs(region.rgb[window], SMOOTH, GUARD))
     return ribbon | _like_limbs(found & inside, region, limbs) | _forks(found & beside, ribbon, is_tree)
 
 
@@ -138,7 +141,7 @@ def _leaf_colours(region: Region, is_tree: NDArray[np.bool_], limbs: Limbs, rng:
 
 
 def distinct_colours(wood: Mixture | None, leaf: Mixture | None) -> Mixture | None:
-    """The wood's mixture without the clusters too near a leaf cluster (Tan et al. 2008, sec. 2); None if none is left."""
+    """The wood's mixture without the clusters too near a leaf's (Tan et al. 2008, sec. 2); None if none is left."""
     if wood is None or leaf is None:
         return wood
     is_distinct = component_distance(wood, leaf).min(axis=1) > TOO_NEAR
@@ -167,8 +170,20 @@ def _patches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int
     """Labels (h, w) of a mask's connected patches, and of each its area and its greatest half width, px."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     radius = np.zeros(len(stats))
-    np.maximum.at(radius, label[mask], cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)[mask])
-    return label, stats[:, cv2.CC_STAT_AREA], radius
+    depth = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
+    patch = np.asarray(label, np.int32)
+    np.maximum.at(radius, patch[mask], depth[mask])
+    return patch, np.asarray(stats[:, cv2.CC_STAT_AREA], np.int32), radius
+
+
+def matte(
+    region: Region, is_leaf: NDArray[np.bool_], is_wood: NDArray[np.bool_], limbs: Limbs
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Alpha of leaf and of wood (h, w), soft at the tree's edge; below the crown the ribbons' own edges."""
+    alpha = soften(region.rgb, is_leaf | is_wood)
+    by_ribbon = limbs.is_near & ~region.is_inside & (limbs.is_limb | ~is_wood)
+    alpha = np.where(by_ribbon, limbs.cover, alpha)
+    return share_out(alpha, is_leaf, is_wood)
 
 
 def share_out(
