@@ -63,6 +63,11 @@ PRINTED: dict[str, dict[str, tuple[object, str]]] = {
         "number_rule": ("branch", "4"),
         "fewest_per_branch": (50, "4, '50 to 200'"),
         "most_per_branch": (200, "4, '50 to 200'"),
+        "inside": (1.0, "4, 'inside the foliage region'"),
+        "divergence_spread_deg": (360.0, "4, 'randomized'"),
+        "size_spread": (0.0, "none is printed"),
+        "tries": (1, "no second try is printed"),
+        "fill_rounds": (0, "none is printed"),
     },
 }
 
