@@ -24,6 +24,12 @@ def growth_form(trunk: NDArray[np.float64], outline: TurnedOutline) -> str:
     return "excurrent" if is_cone or reach >= STEM_REACH else "decurrent"
 
 
+def is_tiered(form: str, outline: TurnedOutline) -> bool:
+    """Whether a single stem bears its foliage in tiers of boughs: a crown as wide as tall has limbs of many kinds."""
+    tall = outline.up[-1] - outline.up[0]
+    return form == "excurrent" and tall >= SLENDER * float((outline.left + outline.right).max())
+
+
 def leader(trunk: NDArray[np.float64], outline: TurnedOutline, height: float) -> NDArray[np.float64]:
     """Points (P, 3) that carry a trunk (P, 3) on without a bend to just under the crown's top; none if it is there."""
     foot = trunk[-1]

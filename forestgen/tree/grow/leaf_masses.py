@@ -59,8 +59,8 @@ class LeafMasses:
 
     def _cell_of(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         index = np.floor((points @ self.axes.T - self.low) / self.cell).astype(np.int64)
-        inside = ((index >= 0) & (index < self.filled.shape)).all(axis=1)
-        return np.asarray(np.where(inside[:, None], index, 0), np.int64), np.asarray(inside, bool)
+        inside = np.asarray(((index >= 0) & (index < self.filled.shape)).all(axis=1), bool)
+        return np.where(inside[:, None], index, 0), inside
 
 
 def leaf_masses(

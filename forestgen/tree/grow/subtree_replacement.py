@@ -16,7 +16,7 @@ from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
-from forestgen.tree.grow.growth_form import growth_form, leader
+from forestgen.tree.grow.growth_form import growth_form, is_tiered, leader
 from forestgen.tree.grow.leaf_masses import FINEST, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
@@ -129,7 +129,7 @@ class SubtreeReplacement(Strategy):
         hull = Hull.of(turned, rng=rng)
         sizes = lobe_sizes(leafy, camera.px_per_metre, h)
         outer = tree.position[outer_nodes(tree)]
-        if form != "excurrent":
+        if not is_tiered(form, turned):
             return leaf_masses(leafy, camera, hull, sizes, h, outer, rng=rng)
         steep = steepness(tree.position, tree.axes, turned.axes[0], h)
         boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, rng=rng)

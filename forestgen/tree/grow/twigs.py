@@ -32,7 +32,7 @@ LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
 DENSE = 0.022  # of the height: nodes of limbs are no farther apart, so that twigs start all along them
-SCALES = (4, 2, 1)  # spacings of the attractors, in turn
+SCALES = ((4, False), (4, True), (2, False), (1, False))  # spacings of the attractors; whether twigs may cross sky
 NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
 ROUNDING = 2  # times that each new node is drawn between its neighbours
 
@@ -64,9 +64,10 @@ def grow_twigs(
     these, bear no twigs.
     """
     position, parent = skeleton.position, skeleton.parent
-    for scale in SCALES:
+    for scale, crosses in SCALES:
         target = volume.sample(scale * spacing, rng)
-        position, parent = _extended(position, parent, n_fixed, bare, volume, target, scale * spacing, rng=rng)
+        where = volume.crossing() if crosses else volume
+        position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
         target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
         position, parent = _extended(position, parent, n_fixed, bare, volume, target, 0.5 * spacing, rng=rng)
@@ -94,6 +95,7 @@ def _extended(
     n_starts = len(dense)
     colonise(shoots, volume, target, spacing, rng=rng)
     place = smooth(shoots.position, shoots.parent, n_starts, ROUNDING)
+    place = np.where(volume.allows(place)[0][:, None], place, shoots.position)
     stays = without_bare_ends(shoots.parent, n_fixed, volume.allows(place)[1])
     index, kept = np.cumsum(stays) - 1, shoots.parent[stays]
     return place[stays], np.where(kept < 0, -1, index[kept])
@@ -126,7 +128,7 @@ def colonise(
         node, side = pair // 2, pair % 2 > 0
         heading = _headings(shoots, node, side, of, pull, rng=rng)
         tip = shoots.position[node] + STEP * spacing * heading
-        fits = volume.allows(tip)[0]
+        fits = volume.allows(tip)[0] & volume.spans(shoots.position[node], tip)
         before = away2[pulls]
         first = len(shoots.parent)
         _append(shoots, node[fits], tip[fits], heading[fits], side[fits])
