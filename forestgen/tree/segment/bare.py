@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.scale import disc
+from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.region import Region
 
 LINES = 0.55  # twigs run in one direction: measured 0.65 on bare crowns, 0.35-0.5 on leafy ones of the same detail
@@ -37,11 +38,6 @@ def is_bare_crown(region: Region, is_tree: NDArray[np.bool_], limb: NDArray[np.f
 
 def line_share(region: Region, is_tree: NDArray[np.bool_], limb: NDArray[np.float32]) -> float:
     """How far the mask's edges run in one direction locally: 0 none, 1 parallel lines (structure tensor)."""
-    detail = max(1.0, DETAIL * region.size_px)
-    mask = cv2.GaussianBlur(is_tree.astype(np.float32), (0, 0), detail)
-    dx, dy = cv2.Sobel(mask, cv2.CV_32F, 1, 0), cv2.Sobel(mask, cv2.CV_32F, 0, 1)
-    xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), 2.5 * detail) for product in (dx * dx, dx * dy, dy * dy))
+    strength, directed = edge_directions(is_tree, max(1.0, DETAIL * region.size_px))
     where = (region.depth > 0) & (limb < 0.1)
-    strength = (xx + yy)[where]
-    directed = np.hypot(xx - yy, 2 * xy)[where]
-    return float(directed.sum() / max(strength.sum(), 1e-12))
+    return float(directed[where].sum() / max(strength[where].sum(), 1e-12))

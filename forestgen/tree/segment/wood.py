@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from forestgen.tree.colour_model import ENOUGH_SAMPLES, Mixture, component_distance, fit_mixture
+from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region, bounding
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
@@ -21,13 +22,14 @@ WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
 LEAF_COLOURS = 8  # Gaussians for what else the crown shows
 TOO_NEAR = 0.1  # Bhattacharyya distance at which a wood cluster counts as a leaf cluster and is dropped (sec. 2)
 TRUNK_REACH, LIMB_REACH = 0.12, 0.06  # how far from its stroke a limb's edge is looked for, in crown sizes
-UNDER_STROKE, UNDER_LEAVES, ELSEWHERE = 1.0, 0.0, -2.0  # log odds of wood: on a limb, a hidden one, off the limbs
+UNDER_STROKE, UNDER_LEAVES, ELSEWHERE = 1.0, 0.0, -1.0  # log odds of wood: on a limb, a hidden one, off the limbs
 ROUNDS = 2  # of refitting the leaf colours to what is not wood
 CLIP = 6.0  # nats that one pixel's colour can say at most
 SMOOTH, GUARD = 4.0, 8.0  # as lambda and guard of the foliage cut: limbs are larger than leaves
 AMONG_LEAVES = 0.3  # what pixels of a stroked limb in the crown count for the wood's colours: leaves hide it
 BESIDE = -0.5  # log odds of wood between trunk and crown, off the strokes
-LONG = 10.0  # area over squared half width from which a patch is a limb: a bar ten half widths long is two wide
+LONG = 6.0  # area over squared half width from which a patch is a limb: a bar six half widths long has 12, a disc 3
+STRAIGHT, STRAIGHT_DETAIL = 0.5, 1.5  # how far a limb's edges run one way (1: parallel), seen at this sigma in px
 SPECK = 3e-5  # of the crown's area: smaller patches of wood off the stroked limbs are shade between leaves
 ENOUGH = 200  # px of plain trunk below the crown that suffice to learn its colours from
 
@@ -149,12 +151,17 @@ def distinct_colours(wood: Mixture | None, leaf: Mixture | None) -> Mixture | No
 
 
 def _like_limbs(found: NDArray[np.bool_], region: Region, limbs: Limbs) -> NDArray[np.bool_]:
-    """The patches of wood (h, w) that touch a stroked limb or look like one: longer than wide, and no specks."""
-    label, area, radius = _patches(found)
-    keep = (area > LONG * radius**2) & (area >= max(4, SPECK * region.size_px**2))
-    keep[np.unique(label[limbs.is_limb & found])] = True
+    """The wood (h, w) on stroked limbs, and of the patches off them those that look like limbs.
+
+    A limb is longer than wide and its two edges run one way; shade between leaves comes in specks and blobs.
+    """
+    label, area, radius = _patches(found & ~limbs.is_limb)
+    strength, directed = (
+        np.bincount(label.ravel(), value.ravel(), len(area)) for value in edge_directions(found, STRAIGHT_DETAIL)
+    )
+    keep = (area > LONG * radius**2) & (area >= max(4, SPECK * region.size_px**2)) & (directed > STRAIGHT * strength)
     keep[0] = False
-    return np.asarray(keep[label])
+    return np.asarray(keep[label] | (found & limbs.is_limb))
 
 
 def _forks(found: NDArray[np.bool_], ribbon: NDArray[np.bool_], is_tree: NDArray[np.bool_]) -> NDArray[np.bool_]:
