@@ -248,3 +248,13 @@ def test_without_a_device_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setenv("EGL_DEVICE_ID", "4711")
     with pytest.raises(RenderError, match="apt-get install"):
         Studio([])
+
+
+def test_of_two_equally_far_surfaces_the_first_one_wins_in_every_run():
+    """The order of drawing must not be that of addresses in memory."""
+    colours = np.eye(8, 4)[:, :4] * 0.5 + [0.1, 0.2, 0.3, 1.0]
+    for _ in range(5):
+        clutter = [object() for _ in range(37)]  # moves what is made next to other addresses
+        same = [quad(1, 6, 2, 5, colour=np.minimum(colour, 1)) for colour in colours]
+        assert_allclose(picture_of(same)[60, 60, :3], colours[0][:3], atol=0.003)
+        del clutter

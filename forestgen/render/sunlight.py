@@ -45,12 +45,19 @@ def depth_texture(pyrender: Any, depth: NDArray[np.float64]) -> Any:
 
 
 def sunlit_renderer(pyrender: Any) -> Any:
-    """A pyrender renderer that gives its lit programs our sun instead of pyrender's lights."""
+    """A pyrender renderer that gives its lit programs our sun, and draws in the order of the drawables.
+
+    pyrender draws a set of nodes in the order of their addresses: where two surfaces are equally far,
+    another one would win in each run.
+    """
 
     class SunlitRenderer(pyrender.Renderer):  # type: ignore[misc]
         sun_texture: Any = None
         sun_matrix: Any = None  # (4, 4) world to the sun's clip space
         sun_toward: Any = None  # (3,) unit, towards the sun
+
+        def _sorted_mesh_nodes(self, scene: Any) -> list[Any]:
+            return sorted(scene.mesh_nodes, key=lambda node: int(node.mesh.name))
 
         def _bind_lighting(self, scene: Any, program: Any, node: Any, flags: int) -> None:
             self._bind_texture(self.sun_texture, "sun_depth", program)
