@@ -54,7 +54,7 @@ def boughs_of(
 ) -> list[Bough]:
     """Tiers of boughs along a stem (P, 3), `lobe` the radius of the outline's lobes, metres."""
     axes, low, high = hull.turned.axes, float(hull.turned.up[0]), float(hull.turned.up[-1])
-    picture = replace(volume, turned=None, masses=None)
+    picture = replace(volume.crossing(), turned=None, masses=None)
     up = stem @ axes[1]
     step = float(np.clip(TIER * lobe, TIERS[0] * volume.height, TIERS[1] * volume.height))
     found: list[Bough] = []

@@ -149,7 +149,9 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     low, high = _box(outlines, [view.camera for view in views], height)
     cameras = tuple(view.camera for view in views)
     hides = not views[0].mattes.is_bare
-    return CrownVolume(cameras, tuple(passable), tuple(crossable), tuple(leafy), tuple(wooden), turned, height, low, high, hides)
+    return CrownVolume(
+        cameras, tuple(passable), tuple(crossable), tuple(leafy), tuple(wooden), turned, height, low, high, hides
+    )
 
 
 def _height(own: NDArray[np.bool_], camera: Camera) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.axes import stem_end
 from forestgen.tree.grow.boughs import boughs_of, steepness
-from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
+from forestgen.tree.grow.crown_volume import CLOSE, CROSS, CrownVolume, close, crown_volume
 from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
@@ -127,10 +127,11 @@ class SubtreeReplacement(Strategy):
         """The crown's leaf masses; a single stem gets the boughs that carry them."""
         leafy, camera, h = volume.leafy[0], volume.cameras[0], volume.height
         hull = Hull.of(turned, rng=rng)
-        sizes = lobe_sizes(leafy, camera.px_per_metre, h)
+        closed = close(leafy, (CROSS if volume.hides else CLOSE) * h * camera.px_per_metre)
+        sizes = lobe_sizes(closed, camera.px_per_metre, h)
         outer = tree.position[outer_nodes(tree)]
         if not is_tiered(form, turned):
-            return leaf_masses(leafy, camera, hull, sizes, h, outer, rng=rng)
+            return leaf_masses(closed, camera, hull, sizes, h, outer, rng=rng)
         steep = steepness(tree.position, tree.axes, turned.axes[0], h)
         boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, rng=rng)
         for bough in boughs:
@@ -139,7 +140,7 @@ class SubtreeReplacement(Strategy):
         width = np.concatenate([bough.width for bough in boughs] or [np.zeros(0)])
         seen = np.full(len(outer), 2 * FINEST * h)
         at, wide = np.concatenate([nodes[width > 0], outer]), np.concatenate([width[width > 0], seen])
-        return tiers(leafy, camera, turned, h, at, wide)
+        return tiers(closed, camera, turned, h, at, wide)
 
     def _attractors(
         self, tree: GrowingTree, views: Sequence[View], volume: CrownVolume, *, rng: np.random.Generator

@@ -69,8 +69,9 @@ def grow_twigs(
         where = volume.crossing() if crosses else volume
         position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
-        target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
-        position, parent = _extended(position, parent, n_fixed, bare, volume, target, 0.5 * spacing, rng=rng)
+        for where in (volume, volume.crossing()):
+            target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
+            position, parent = _extended(position, parent, n_fixed, bare, where, target, 0.5 * spacing, rng=rng)
     radius = np.concatenate([skeleton.radius[:n_fixed], np.full(len(parent) - n_fixed, np.nan)])
     return Skeleton(position, parent, radius)
 
