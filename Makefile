@@ -13,7 +13,7 @@ demo: .setup-stamp
 	[ $$a -eq 0 ] && [ $$b -eq 0 ]
 
 test: .setup-stamp
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile
 
 lint: .setup-stamp
 	$(BIN)/ruff check .
