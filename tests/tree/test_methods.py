@@ -53,6 +53,7 @@ PRINTED: dict[str, dict[str, tuple[object, str]]] = {
         "min_gain": (0.0, "none is printed"),
         "shortest": (0.0, "none is printed"),
         "round_crown": (False, "no such step is printed"),
+        "leaf_masses": (False, "no such step is printed"),
         "leader": (False, "no such step is printed"),
         "twigs": (False, "no such step is printed"),
     },
