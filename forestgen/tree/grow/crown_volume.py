@@ -64,6 +64,12 @@ class CrownVolume:
             end &= seen & (leafy[row, column] | (wooden[row, column] & is_behind))
         return pass_, end
 
+    def into_masses(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (N, 3) moved along the first camera's rays to the nearest leaf mass."""
+        if self.masses is None or not len(points):
+            return points
+        return self.cameras[0].unproject(self.cameras[0].project(points), self.masses.nearest_depth(points))
+
     def crossing(self) -> CrownVolume:
         """The same volume for wood that has no way but over sky."""
         return replace(self, passable=self.crossable)

@@ -57,6 +57,15 @@ class LeafMasses:
         front = self.front[index[:, 0], index[:, 1]]
         return np.asarray(inside & np.isfinite(front) & (points @ self.axes[2] > front - skin), bool)
 
+    def nearest_depth(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How near to the camera (N,), m, the foliage is that is nearest to points (N, 3) before or behind them."""
+        index, inside = self._cell_of(points)
+        column = self.filled[index[:, 0], index[:, 1]]
+        away = np.where(column, np.abs(np.arange(column.shape[1]) - index[:, 2:]), column.shape[1])
+        own: NDArray[np.float64] = points @ self.axes[2]
+        found = self.low[2] + (away.argmin(axis=1) + 0.5) * self.cell
+        return np.asarray(np.where(inside & column.any(axis=1), found, own))
+
     def _cell_of(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         index = np.floor((points @ self.axes.T - self.low) / self.cell).astype(np.int64)
         inside = np.asarray(((index >= 0) & (index < self.filled.shape)).all(axis=1), bool)
@@ -232,7 +241,7 @@ def cover(
     open_ = leafy.astype(np.uint8)
     for xy, r in zip(camera.project(centre), radius, strict=True):
         cv2.circle(open_, (round(xy[0]), round(xy[1])), round(FLAT * r * scale), 0, -1)
-    step = max(1, int(FINEST * height * scale))
+    step = max(1, int(0.4 * FINEST * height * scale))
     row, column = (v.ravel() for v in np.mgrid[step // 2 : leafy.shape[0] : step, step // 2 : leafy.shape[1] : step])
     order = np.argsort(-room[row, column], kind="stable")  # large ones first
     places, radii = [*centre], [*radius]

@@ -34,6 +34,7 @@ MAX_STEPS = 80
 DENSE = 0.022  # of the height: nodes of limbs are no farther apart, so that twigs start all along them
 SCALES = ((4, False), (4, True), (2, False), (1, False))  # spacings of the attractors; whether twigs may cross sky
 NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
+NEAR_SKY = 0.02  # and foliage that can be reached only over sky: long-stalked leaves span the rest
 ROUNDING = 2  # times that each new node is drawn between its neighbours
 
 
@@ -69,8 +70,9 @@ def grow_twigs(
         where = volume.crossing() if crosses else volume
         position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
-        for where in (volume, volume.crossing()):
-            target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
+        for where, near in ((volume, NEAR_ENOUGH), (volume.crossing(), NEAR_SKY)):
+            target = uncovered_places(camera, leafy, position, parent, near * volume.height)
+            target = volume.into_masses(target)
             position, parent = _extended(position, parent, n_fixed, bare, where, target, 0.5 * spacing, rng=rng)
     radius = np.concatenate([skeleton.radius[:n_fixed], np.full(len(parent) - n_fixed, np.nan)])
     return Skeleton(position, parent, radius)
