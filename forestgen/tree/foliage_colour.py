@@ -8,21 +8,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.leaf_cells import lab_of
+from forestgen.tree.foliage_unmixing import pure_foliage
+from forestgen.tree.leaf_colours import lab_of
 from forestgen.tree.model import Atlas
 from forestgen.tree.view import View
 
 
 def foliage_colours(view: View, sigma_px: float) -> NDArray[np.float32]:
-    """The photo's CIELAB (H, W, 3), averaged over foliage around each pixel; its mean where none is near."""
-    weight = view.mattes.foliage * view.mattes.is_foliage
+    """The leaves' CIELAB (H, W, 3) in the photo, averaged around each pixel; their mean where none is near."""
+    pure = pure_foliage(view)
+    weight = view.mattes.foliage * view.mattes.is_foliage * pure.share**2
     rows, columns = np.nonzero(weight)
     reach = int(np.ceil(6 * sigma_px)) + 2
     part = (
         slice(max(0, rows.min() - reach), rows.max() + reach + 1),
         slice(max(0, columns.min() - reach), columns.max() + reach + 1),
     )
-    lab, share = lab_of(view.photo.rgb[part]), weight[part]
+    lab, share = lab_of(pure.rgb[part]), weight[part]
     layers = np.dstack([lab * share[..., None], share]).astype(np.float32)
     mean = layers.sum(axis=(0, 1)) / max(float(share.sum()), 1e-9)
     total = cv2.GaussianBlur(layers, (0, 0), sigma_px)

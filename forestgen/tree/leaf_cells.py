@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.tree.foliage_unmixing import pure_foliage
+from forestgen.tree.leaf_colours import lab_of, split_colours
 from forestgen.tree.view import View
 
 BASIN = 0.13  # blur before the search for lights, as a share of a piece's length: sets the spacing of the basins
 OPAQUE = 0.9  # matte from which a pixel's colour is the leaf's own
+PURE = 0.6  # share of leaf in a pixel from which it may be cut out; what it lacks is made up from its own colour
 WELL_COVERED = 0.85  # share of a piece's pixels that should be opaque
 NEAR_COLOUR = 6.0  # CIELAB distance that makes a piece unlike its group
 SLIM = 1.9  # how much longer than wide a good piece is
@@ -34,12 +37,6 @@ class Pieces:
 
     def __len__(self) -> int:
         return len(self.area)
-
-
-def lab_of(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """CIELAB (..., 3), L in [0, 100], of sRGB bytes (..., 3)."""
-    flat = np.ascontiguousarray(rgb.reshape(1, -1, 3)).astype(np.float32) / np.float32(255)
-    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2LAB), np.float32).reshape(rgb.shape)
 
 
 def climb(height: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -73,9 +70,11 @@ def find_pieces(view: View, length_px: float) -> Pieces:
     margin = int(np.ceil(length_px))
     top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
     part = (slice(top, rows.max() + margin + 1), slice(left, columns.max() + margin + 1))
-    rgb, inside = view.photo.rgb[part], is_foliage[part]
-    matte = view.mattes.foliage[part]
-    is_opaque = cv2.erode((matte >= OPAQUE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    pure = pure_foliage(view)
+    rgb, inside = pure.rgb[part], is_foliage[part]
+    matte = view.mattes.foliage[part] * pure.share[part]
+    is_own = (view.mattes.foliage[part] >= OPAQUE) & (pure.share[part] >= PURE)
+    is_opaque = cv2.erode(is_own.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
 
     lab = lab_of(rgb)
     weight = inside.astype(np.float32)
@@ -139,40 +138,6 @@ def _describe(
         lab=np.column_stack([np.bincount(of, lab[y, x, c] * weight, n) / total for c in range(3)]),
         score=score,
     )
-
-
-def split_colours(lab: NDArray[np.float64], weight: NDArray[np.float64], n: int) -> NDArray[np.int64]:
-    """Group (P,) of colours (P, 3) in at most n groups: the group that varies most is cut at its mean.
-
-    The cut is across the direction of greatest variance. No chance is involved.
-    """
-    group = np.zeros(len(lab), np.int64)
-    spread = [_spread(lab, weight)]
-    while len(spread) < n:
-        widest = int(np.argmax([s[0] for s in spread]))
-        energy, direction, mean = spread[widest]
-        if energy <= 0:
-            break
-        member = np.flatnonzero(group == widest)
-        far = member[(lab[member] - mean) @ direction > 0]
-        if not 0 < len(far) < len(member):
-            spread[widest] = (0.0, direction, mean)
-            continue
-        group[far] = len(spread)
-        near = np.flatnonzero(group == widest)
-        spread[widest] = _spread(lab[near], weight[near])
-        spread.append(_spread(lab[far], weight[far]))
-    return group
-
-
-def _spread(
-    lab: NDArray[np.float64], weight: NDArray[np.float64]
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Summed squared deviation along the direction of greatest variance, that direction, and the mean."""
-    mean = np.average(lab, axis=0, weights=weight)
-    away = lab - mean
-    value, vector = np.linalg.eigh((away * weight[:, None]).T @ away)
-    return (float(value[-1]) if len(lab) > 1 else 0.0), vector[:, -1], mean
 
 
 def group_colours(pieces: Pieces, n: int) -> NDArray[np.float64]:

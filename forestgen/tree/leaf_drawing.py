@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from forestgen.tree.leaf_blades import PETIOLE, PETIOLE_HALF_WIDTH, row_extents
-from forestgen.tree.leaf_cells import Pieces, lab_of
+from forestgen.tree.leaf_cells import Pieces
+from forestgen.tree.leaf_colours import lab_of
 from forestgen.tree.leaf_shapes import FORMS, SOFT, Form, half_width, taper, veins
 
 RIM, LIGHT = 20, 90  # percentiles of a piece's light that stand for its dark rim and its lit face

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.leaf_cells import lab_of
+from forestgen.tree.leaf_colours import lab_of
 from forestgen.tree.scale import disc
 from forestgen.tree.view import View
 

@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.atlas_packing import bleed, pack
 from forestgen.tree.leaf_blades import LONG_STALK, PETIOLE, build_blade, row_extents, trim
-from forestgen.tree.leaf_cells import climb, find_pieces, group_colours, lab_of, split_colours
+from forestgen.tree.leaf_cells import climb, find_pieces, group_colours
+from forestgen.tree.leaf_colours import lab_of, split_colours
 from forestgen.tree.leaf_scale import bears_needles, detail_radius
 from forestgen.tree.leaf_shapes import FORMS, half_width
 from forestgen.tree.mattes import Mattes
