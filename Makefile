@@ -7,8 +7,9 @@ OUT ?= out
 .PHONY: demo test setup lint bench clean
 
 demo: .setup-stamp
-	@$(BIN)/forestgen build scenes/street/scene.toml -o $(OUT)/street; a=$$?; \
-	$(BIN)/forestgen build scenes/woods/scene.toml -o $(OUT)/woods; b=$$?; \
+	@$(BIN)/forestgen build scenes/street/scene.toml -o $(OUT)/street >/dev/null; a=$$?; \
+	$(BIN)/forestgen build scenes/woods/scene.toml -o $(OUT)/woods >/dev/null; b=$$?; \
+	[ $$a -le 1 ] && [ $$b -le 1 ] || exit $$(( a > b ? a : b )); \
 	$(BIN)/forestgen summary $(OUT)/street $(OUT)/woods; \
 	[ $$a -eq 0 ] && [ $$b -eq 0 ]
 
