@@ -23,9 +23,12 @@ FITTED_ON = 150_000  # pixels: the models are fitted on every n-th pixel of larg
 BACKGROUND_COLOURS = 10  # Gaussians for what is around the tree: sky, cloud, hill, ground, walls
 ROUNDS = 3  # of refitting both models to what they found
 STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
+SHARP, LEAST = 3.0, 1e-6
+LO, HI = -2.0, 0.5
 SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
 GAP, OPEN = 3, 0.5  # of the fitted-on pixels: a gap so wide and so certain counts as open background
 CLIP = 8.0  # nats: what one pixel's colour can say at most, so that a stray colour does not outvote its neighbours
+SEEN, DIFFERENT = 0.02, 2.5  # share of the crown that must differ by so many nats; pure noise and sky reach 2.3
 FAINT = -50.0  # nats, for places that are out of the question
 
 
@@ -41,7 +44,7 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     """Compare each colour in the crown with the ring's colours near it.
 
     Raises:
-        StageError: the crown fills the photo so that nothing is left to compare with.
+        StageError: the crown fills the photo so that nothing is left to compare with, or does not differ from it.
     """
     stride = max(1, round((region.depth.size / FITTED_ON) ** 0.5))
     part = (slice(None, None, stride), slice(None, None, stride))
@@ -52,23 +55,34 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
     background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
     known = background.log_density(rgb)
-    is_tree = expit(np.minimum(strangeness(known, is_ring), strangeness(colours.log_density(rgb), is_ring))[is_inside])
-    tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6)
+    strange = np.minimum(strangeness(known, is_ring), strangeness(colours.log_density(rgb), is_ring))
+    is_tree = expit(SHARP * strange[is_inside])
+    tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + LEAST)
+    gap = is_inside & ~is_ring
     for _ in range(ROUNDS):
-        is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside])
+        share = odds_of_share(is_tree)
+        is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside] + share)
         certainty = is_ring.astype(np.float32)
-        gap = is_inside & ~is_ring
         certainty[gap] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
         is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
         background = spread_background(rgb, certainty, is_open, colours)
         known = background.log_density(rgb)
-        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + 1e-6, start=tree)
+        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + LEAST, start=tree)
+    prior = prior + odds_of_share(is_tree)
     log_background = background.log_density(region.rgb)
     log_ratio = np.full(region.depth.shape, FAINT, np.float32)
     inside = region.is_inside
-    says = tree.log_density(region.rgb[inside]) - log_background[inside] + prior[inside]
-    log_ratio[inside] = np.clip(says, -CLIP, CLIP)
+    says = tree.log_density(region.rgb[inside]) - log_background[inside]
+    if np.quantile(says, 1 - SEEN) < DIFFERENT:
+        raise StageError("nothing in the crown differs from what is around it: is the outline on the tree?")
+    log_ratio[inside] = np.clip(says + prior[inside], -CLIP, CLIP)
     return Evidence(log_ratio, log_background)
+
+
+def odds_of_share(is_tree: NDArray[np.floating]) -> float:
+    """Log odds of a crown pixel from the share of the crown that is tree so far: an airy crown is mostly sky."""
+    share = float(np.clip(is_tree.mean(), 1e-3, 1 - 1e-3))
+    return float(np.clip(np.log(share / (1 - share)), LO, HI))
 
 
 def strangeness(log_density: NDArray[np.float32], is_ring: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -19,6 +19,7 @@ def paint(alpha: NDArray[np.float32], density: Sequence[DensityStroke]) -> NDArr
         points = [np.round((stroke.path - 0.5) * 16).astype(np.int32)]
         width = max(1, round(2 * stroke.radius_px))
         cv2.polylines(brush, points, False, 255, width, cv2.LINE_AA, 4)
+        cv2.circle(brush, points[0][0].tolist(), round(stroke.radius_px * 16), 255, -1, cv2.LINE_AA, 4)  # a mere dab
         cover = brush.astype(np.float32) / 255
         out = np.maximum(out, cover) if stroke.add else np.minimum(out, 1 - cover)
     return out

@@ -20,10 +20,14 @@ NEVER = -1e9
 
 
 def find_edges(
-    strip: NDArray[np.float32], is_wood: NDArray[np.bool_], widest: NDArray[np.float64] | None = None
+    strip: NDArray[np.float32],
+    is_wood: NDArray[np.bool_],
+    *,
+    guard: int = 2,
+    widest: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Indices of the first and last sample of wood at each station, and how clearly it stands out (S,)."""
-    says = wood_evidence(strip, is_wood)
+    says = wood_evidence(strip, is_wood, guard)
     jump = np.linalg.norm(np.diff(gaussian_filter1d(strip, 1.0, axis=0), axis=1), axis=2)
     jump = jump / (np.median(jump) + np.quantile(jump, 0.9) + 1e-6)
     edge = np.zeros((len(strip), strip.shape[1] + 1))
@@ -35,19 +39,20 @@ def find_edges(
     return low, high, gaussian_filter1d(clarity, WINDOW / 2, mode="nearest")
 
 
-def wood_evidence(strip: NDArray[np.float32], is_wood: NDArray[np.bool_]) -> NDArray[np.float64]:
+def wood_evidence(strip: NDArray[np.float32], is_wood: NDArray[np.bool_], guard: int) -> NDArray[np.float64]:
     """Log likelihood ratio (S, O), wood against what is beside it, from colours of the same stretch.
 
-    One Gaussian for the wood and one for each side, all fitted within WINDOW stations.
+    One Gaussian for the wood and one for each side, all fitted within WINDOW stations. At least
+    `guard` samples beside the marked wood count as neither.
     """
     across = np.arange(strip.shape[1])[None]
     first = is_wood.argmax(axis=1)[:, None]
     last = strip.shape[1] - 1 - is_wood[:, ::-1].argmax(axis=1)[:, None]
-    guard = np.maximum(2, GUARD * (last - first + 1))
+    apart = np.maximum(guard, GUARD * (last - first + 1))
     wood = _local_log_density(strip, is_wood)
     shade = _local_log_density(strip, is_wood, SHADE)
     wood = np.logaddexp(wood + np.log(1 - SHADED), shade + np.log(SHADED))
-    left, right = across < np.maximum(first - guard, 3), across > np.minimum(last + guard, strip.shape[1] - 4)
+    left, right = across < np.maximum(first - apart, 3), across > np.minimum(last + apart, strip.shape[1] - 4)
     beside = np.logaddexp(_local_log_density(strip, left), _local_log_density(strip, right)) - np.log(2)
     return np.asarray(np.clip(wood - beside, -CLIP, CLIP))
 

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.errors import StageError
 from forestgen.tree.strokes import Strokes, draw_polyline, fill_outline
 
 REFERENCE_SIDE = 1500  # px; lengths in pixels are meant for a photo of this longer side and scale with it
@@ -43,16 +42,10 @@ def dilations_px(dilations: int, size: tuple[int, int]) -> int:
 
 
 def look_at(rgb: NDArray[np.uint8], strokes: Strokes, dilations: int) -> Region:
-    """The window about the crown and the branch strokes, with its masks.
-
-    Raises:
-        StageError: the crown outline encloses no pixel.
-    """
+    """The window about the crown and the branch strokes, with its masks."""
     height, width = rgb.shape[:2]
     is_crown = fill_outline(strokes.crown, (width, height))
     area = int(is_crown.sum())
-    if area == 0:
-        raise StageError("'crown' encloses no pixel of the photo: draw the outline around the whole crown")
     widen = dilations_px(dilations, (width, height))
     margin = round(RING * area**0.5) + widen
     marks = np.concatenate([strokes.crown, *strokes.branches, *strokes.background])

@@ -13,6 +13,7 @@ from forestgen.tree.segment.edge_search import find_edges
 
 ACROSS = 28  # samples on either side of the stroke: the resolution of the edges in the first look
 CORE = 2  # samples about the stroke that are taken for wood in the first look
+APART = ACROSS // 2 - CORE  # samples beside it that are not yet taken for background in the first look
 CLOSEST = 0.5  # px between stations at least
 EVEN = 3.0  # stations over which the found edges are smoothed
 STRETCH = 0.3  # share of the stroke over which a limb's usual width is taken
@@ -67,7 +68,9 @@ def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: floa
     rgb, path = rgb[corner[1] : end[1], corner[0] : end[0]], path - corner
     pitch = reach / ACROSS
     place, _, offset, strip = _lay_straight(rgb, path, pitch, reach)
-    low, high, clarity = find_edges(strip, np.broadcast_to(abs(offset) <= (CORE + 0.5) * pitch, strip.shape[:2]))
+    low, high, clarity = find_edges(
+        strip, np.broadcast_to(abs(offset) <= (CORE + 0.5) * pitch, strip.shape[:2]), guard=APART
+    )
     widest = plausible_width(np.asarray(offset[high] - offset[low] + pitch), clarity)
     half = float(np.quantile(np.maximum(abs(offset[low]), abs(offset[high])), 0.9)) + 2 * pitch
     first = np.stack([offset[low], offset[high], widest])
@@ -78,7 +81,7 @@ def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: floa
     along = np.linspace(0, before - 1, len(place))
     lo, hi, at_most = (np.interp(along, np.arange(before), row)[:, None] for row in first)
     is_wood = (offset >= lo - pitch) & (offset <= hi + pitch)
-    low, high, clarity = find_edges(strip, is_wood, at_most[:, 0] / pitch)
+    low, high, clarity = find_edges(strip, is_wood, widest=at_most[:, 0] / pitch)
     lo, hi = (gaussian_filter1d(offset[edge], EVEN, mode="nearest")[:, None] for edge in (low, high))
     left, right = place + (lo - pitch / 2) * normal, place + (hi + pitch / 2) * normal
     return Ribbon(left + corner, right + corner, clarity)
