@@ -57,7 +57,7 @@ class Camera:
 
     def depth(self, points: ArrayLike) -> NDArray[np.float64]:
         """Metres (N,) by which points (N, 3) are nearer to the camera than the root's plane."""
-        return np.asarray(points, float) @ self.axes[2]
+        return np.asarray(np.asarray(points, float) @ self.axes[2])
 
     def unproject(self, xy: ArrayLike, depth: ArrayLike = 0.0) -> NDArray[np.float64]:
         """Points (N, 3) in metres that fall on pixels (N, 2) at the given depth (N,), metres."""
@@ -70,4 +70,4 @@ class Camera:
             shrink = self.distance / (self.distance - depth)
             flat = (xy - centre) / shrink[:, None] + centre - root
         local = np.column_stack([flat * [1.0, -1.0] / self.px_per_metre, depth])
-        return local @ self.axes
+        return np.asarray(local @ self.axes)

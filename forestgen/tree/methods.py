@@ -15,12 +15,17 @@ from pydantic import TypeAdapter, ValidationError
 from forestgen.errors import InputError
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.bark import BarkFromPhoto
+from forestgen.tree.contracts import MakeAtlas, MakeBark, MakeMesh, PlaceLeaves, Radius
 from forestgen.tree.foliage import LeavesAlongBranches
+from forestgen.tree.grow import Grow
 from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
+from forestgen.tree.lift import Lift
 from forestgen.tree.lift.spread_branches import SpreadBranches
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.radius import ConstantRatio, MeasuredTaper
+from forestgen.tree.segment import Segment
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
+from forestgen.tree.trace import Trace
 from forestgen.tree.trace.circle_tracing import CircleTracing
 from forestgen.tree.trace.smooth_paths import SmoothPaths
 
@@ -29,19 +34,30 @@ from forestgen.tree.trace.smooth_paths import SmoothPaths
 class Method:
     """One strategy for each stage, in the order in which they run."""
 
-    segment: Any = GraphCutFoliage()
-    trace: Any = SmoothPaths()
-    lift: Any = SpreadBranches()
-    grow: Any = SubtreeReplacement()
-    radius: Any = MeasuredTaper()
-    bark: Any = BarkFromPhoto()
-    mesh: Any = GeneralisedCylinders()
-    atlas: Any = LeafAtlasFromPhoto()
-    leaves: Any = LeavesAlongBranches()
+    segment: Segment
+    trace: Trace
+    lift: Lift
+    grow: Grow
+    radius: Radius
+    bark: MakeBark
+    mesh: MakeMesh
+    atlas: MakeAtlas
+    leaves: PlaceLeaves
 
 
-TAN_2008 = Method()
-TAN_2008_PAPER = Method(
+TAN_2008 = Method(
+    segment=GraphCutFoliage(),
+    trace=SmoothPaths(),
+    lift=SpreadBranches(),
+    grow=SubtreeReplacement(),
+    radius=MeasuredTaper(),
+    bark=BarkFromPhoto(),
+    mesh=GeneralisedCylinders(),
+    atlas=LeafAtlasFromPhoto(),
+    leaves=LeavesAlongBranches(),
+)
+TAN_2008_PAPER = replace(
+    TAN_2008,
     segment=GraphCutFoliage(rule="green_red", smoothness=60.0),
     trace=CircleTracing(),
     grow=SubtreeReplacement.paper(),

@@ -30,7 +30,7 @@ class Mesh:
             uv=(np.float64, "P", 2),
             faces=(np.int64, "F", 3),
         )
-        if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
+        if self.faces.size and not (self.faces.min() >= 0 and self.faces.max() < len(self.points)):
             raise ValueError("Mesh.faces points outside Mesh.points")
 
 
