@@ -145,7 +145,8 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
         # of a bare tree twigs are the outline; they may lie beside the drawn ones
         ends = dilate(crown, LEAFY * unit) if view.mattes.is_bare else close(crown, LEAFY * unit)
         inner = ~dilate(~ends, MARGIN * unit)
-        leafy.append(inner if inner.sum() > 0.3 * crown.sum() else ends)
+        thin = ends & ~dilate(inner, 1.5 * MARGIN * unit)  # sprays with no inside: their twigs run along them
+        leafy.append(inner | thin)
         outlines.append(envelope(crown, CLOSE * unit))
         wooden.append(outlines[-1] & own & view.mattes.is_branch & ~leafy[-1])
     azimuth = np.array([view.camera.azimuth for view in views])
