@@ -103,6 +103,7 @@ class SubtreeReplacement(Strategy):
         rules = LimbRules(self.iterations, self.n_candidates, self.near * h, self.min_gain, self.patience)
         grow_limbs(tree, Scores(placement, image, space), rules, rng=rng, on_step=on_step)
         position = smooth(tree.position, tree.parent, tree.n_visible, ROUNDING)
+        position = np.where(volume.allows(position)[0][:, None], position, tree.position)
         grown = Skeleton(position, tree.parent, tree.skeleton.radius)
         if not self.twigs:
             return grown
