@@ -96,7 +96,7 @@ class LeavesAlongBranches(Strategy):
         kept = [self.grow(stations, crown, rng=rng)]
         for _ in range(self.fill_rounds):
             kept.append(self.fill(wood, crown, self.most - sum(len(part) for part in kept), rng=rng))
-        leaves = join(kept)
+        leaves = self.recolour(join(kept), crown, rng=rng)
         for target in crown.targets:
             share = np.count_nonzero(target.open) / np.count_nonzero(target.is_foliage)
             log.info("leaves: %d of %.3f m; %.1f %% of the foliage is open", len(leaves), length, 100 * share)
@@ -147,6 +147,21 @@ class LeavesAlongBranches(Strategy):
                 kept.append(leaves.take(fits))
                 aim, is_far, size = aim.take(~fits), is_far[~fits], size[~fits]
         return join(kept)
+
+    def recolour(self, leaves: Placement, crown: Crown, *, rng: np.random.Generator) -> Placement:
+        """The same leaves; those that no photo shows take colours from elsewhere in the crown, by their light."""
+        hidden = np.flatnonzero(~crown.is_seen(leaves))
+        if not len(hidden):
+            return leaves
+        middle = leaves.position + 0.6 * leaves.size[:, None] * leaves.rotation[:, :, 1]
+        wish = crown.unseen_colours(middle, leaves.size**2, hidden, rng=rng)
+        among = crown.is_long[leaves.prototype[hidden]][:, None] == crown.is_long
+        prototype = leaves.prototype.copy()
+        prototype[hidden] = nearest_prototype(wish, crown.lab, among, self.colour_spread, rng=rng)
+        other = Placement(leaves.position, leaves.rotation, leaves.size, prototype)
+        fits = crown.fits(other.take(hidden), self.inside)
+        prototype[hidden[~fits]] = leaves.prototype[hidden[~fits]]
+        return other
 
     def dress(
         self,

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_colour import foliage_colours, prototype_lab
+from forestgen.tree.foliage_colour import colours_at, foliage_colours, prototype_lab
 from forestgen.tree.foliage_fit import Placement, blade_samples, cover, footprint, make_target
+from forestgen.tree.foliage_unseen import CONTRAST, SEEN, drift, light, seen_share
 from forestgen.tree.model import Atlas, LeafPrototype
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
@@ -76,3 +77,32 @@ class Crown:
         for target, p in zip(self.targets, prints, strict=True):
             cover(target, p.pixel[fits])
         return np.asarray(fits)
+
+    def fits(self, leaves: Placement, inside: float) -> NDArray[np.bool_]:
+        """Which leaves (L,) lie inside every view's foliage."""
+        prints = [footprint(target, leaves, self.samples) for target in self.targets]
+        return np.asarray(np.all([p.inside >= inside for p in prints], axis=0))
+
+    def is_seen(self, leaves: Placement) -> NDArray[np.bool_]:
+        """Which leaves (L,) some photo would show, in front of the others."""
+        seen = np.zeros(len(leaves), bool)
+        middle = leaves.position + 0.5 * leaves.size[:, None] * leaves.rotation[:, :, 1]
+        for target in self.targets:
+            pixel = footprint(target, leaves, self.samples).pixel
+            seen |= seen_share(pixel, target.view.camera.depth(middle), target.is_foliage.size) >= SEEN
+        return seen
+
+    def unseen_colours(
+        self,
+        points: NDArray[np.float64],
+        area: NDArray[np.float64],
+        hidden: NDArray[np.int64],
+        *,
+        rng: np.random.Generator,
+    ) -> NDArray[np.float64]:
+        """CIELAB (H, 3) for the hidden ones of leaves at points (L, 3) with some area (L,): clumps, and light."""
+        extent = float(np.ptp(points, axis=0).max()) or 1.0
+        place = points[hidden] + drift(points[hidden], extent, rng=rng)
+        wish = colours_at(self.views, self.colours, place, self.outside(points[hidden]))
+        wish[:, 0] += CONTRAST * float(np.std(wish[:, 0])) * light(points, area, extent)[hidden]
+        return wish

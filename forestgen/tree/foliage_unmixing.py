@@ -43,9 +43,10 @@ SKY = 0.1  # share of the foliage before open sky from which the sky's tint is t
 HUE = 8.0  # CIELAB chroma from which a sky tints
 PLAIN = 45  # percentile of the tint below which foliage is plain
 PLAIN_MOST = 95  # percentile of the plain foliage's tint that any leaf may have, in proportion to its light
-TAKEN = 0.72  # share of what is beyond that which is taken out
-LEAN = 0.12  # and share of the plain foliage's hue put in its stead
+TAKEN = 0.9  # share of what is beyond that which is taken out
+LEAN = 0.2  # and share of the plain foliage's hue put in its stead
 ACROSS = 0.6  # share of the plain foliage's hue across the sky's that comes with it: no green turns purple
+BOUND = 3.5  # CIEDE2000 or so: how far from the photo the mean pixel of a crown may be taken
 HALF_TURNED = 3.0  # CIELAB beyond: half of that share
 
 
@@ -116,7 +117,7 @@ def spread_backdrop(colour: NDArray[np.float32], is_open: NDArray[np.bool_]) -> 
     could_be_leaf = np.clip((GREEN - lab[..., 1]) / 4, 0, 1) * np.clip((lab[..., 2] - YELLOW) / 4, 0, 1)
     is_bright = np.clip((lab[..., 0] - DARK) / (BRIGHT - DARK), 0, 1)
     smoothness = np.clip((ROUGH - full[..., 3]) / (ROUGH - SMOOTH), 0, 1) * (1 - could_be_leaf) * is_bright
-    return Backdrop(full[..., :3], smoothness.astype(np.float32))
+    return Backdrop(np.asarray(full[..., :3], np.float32), np.asarray(smoothness, np.float32))
 
 
 def _spread(layers: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -221,8 +222,16 @@ def untinted(
         across = lab[..., 1:] - (lab[..., 1:] @ sky)[..., None] * sky
         own_across = (np.array(hue) - (hue @ sky) * sky).astype(np.float32)
         lean = LEAN * shade * (hue @ sky) * sky + ACROSS * (shade * own_across - across)
-        lab = np.dstack([lab[..., 0], lab[..., 1:] - TAKEN * over[..., None] * sky + turned * lean])
+        shift = turned * lean - TAKEN * over[..., None] * sky
+        lab = np.dstack([lab[..., 0], lab[..., 1:] + kept_near(shift, lab, inside) * shift])
     return np.clip(cv2.cvtColor(lab, cv2.COLOR_LAB2RGB), 0, 1)
+
+
+def kept_near(shift: NDArray[np.float32], lab: NDArray[np.float32], inside: NDArray[np.bool_]) -> float:
+    """The share in [0, 1] of a shift (h, w, 2) of a* b* that leaves the crown as a whole within BOUND of the photo."""
+    chroma = np.linalg.norm(lab[inside][:, 1:], axis=1)
+    far = np.linalg.norm(shift[inside], axis=1) / (1 + 0.045 * chroma)  # as CIE94 and CIEDE2000 count chroma
+    return min(1.0, BOUND / max(float(far.mean()), 1e-6))
 
 
 def sky_hue(behind: Backdrop, inside: NDArray[np.bool_]) -> NDArray[np.float32] | None:
