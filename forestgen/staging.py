@@ -34,6 +34,10 @@ def staging(out: Path) -> Iterator[Path]:
                 shutil.rmtree(stale, ignore_errors=True)
             work = Path(mkdtemp(prefix=PREFIX, dir=out))
             yield work
+    except OSError as error:
+        if error.errno is not None and error.filename is None:  # a full disk does not say where
+            error.filename = os.fspath(out)
+        raise
     finally:
         with uninterrupted():
             if work is not None:

@@ -403,7 +403,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_was_there(folder, jobs, limit):
     before = earlier_output(folder)
     done = shell("build", "scene.toml", "-o", "out", "--quiet", "--jobs", jobs, limit=limit)
     assert done.returncode == 2, done.stderr.decode()
-    one_line(done.stderr.decode())
+    assert "out" in one_line(done.stderr.decode())
     assert digests(folder / "out") == before
     assert not list((folder / "out").rglob(".*"))
 
