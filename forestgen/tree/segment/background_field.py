@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from forestgen.tree.colour_model import NOISE, Mixture, log_sum
 
 CELLS = 64  # of the coarse grid, across the window's longer side
-REACH = ((0.04, 1.0), (0.12, 0.1), (0.36, 0.01))  # (sigma as a share of the window, weight) of the kernel's parts
+REACH = ((0.04, 0.04, 1.0), (0.24, 0.08, 0.1), (0.6, 0.3, 0.01))  # (sigma across, up; weight) of the kernel's parts
 ELSEWHERE = 0.2  # share of each colour's pixels that keep its spread over the whole ring, wherever they are
 PEAK, LEAST = 13.0, 1e-37  # no density exceeds e^13 (a Gaussian as narrow as NOISE); less than LEAST e^13 is nothing
 ANCHOR = 0.003  # what the mixture as a whole counts against local samples: keeps every known colour possible
@@ -88,9 +88,11 @@ def spread_background(
 def _spread(grid: NDArray[np.float32]) -> NDArray[np.float32]:
     """A grid (a, b, C) smoothed by a kernel with a sharp peak and far tails."""
     out = np.zeros_like(grid)
-    for sigma, weight in REACH:
-        reach = sigma * max(grid.shape[:2])
+    for across, up, weight in REACH:
+        reach = max(grid.shape[:2])
         for c in range(grid.shape[2]):
             layer = np.ascontiguousarray(grid[..., c])
-            out[..., c] += weight * cv2.GaussianBlur(layer, (0, 0), reach, borderType=cv2.BORDER_CONSTANT)
+            out[..., c] += weight * cv2.GaussianBlur(
+                layer, (0, 0), across * reach, sigmaY=up * reach, borderType=cv2.BORDER_CONSTANT
+            )
     return out

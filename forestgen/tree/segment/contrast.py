@@ -22,9 +22,8 @@ from forestgen.tree.segment.region import Region
 FITTED_ON = 150_000  # pixels: the models are fitted on every n-th pixel of larger windows
 BACKGROUND_COLOURS = 10  # Gaussians for what is around the tree: sky, cloud, hill, ground, walls
 ROUNDS = 3  # of refitting both models to what they found
-STRANGE = 0.05  # share of the ring's own pixels that the background explains as badly as a leaf
-SHARP, LEAST = 3.0, 1e-6
-LO, HI = -2.0, 0.5
+SHARP, LEAST = 3.0, 1e-6  # how sharply colours commoner in the crown than around it are chosen for a start
+AIRIEST = -2.0  # log odds: at most so much the share of sky in an airy crown speaks against a pixel
 SURE_DEPTH = 0.03  # depth inside the outline, as a share of the crown's size, from where tree is as likely as e to 1
 GAP, OPEN = 3, 0.5  # of the fitted-on pixels: a gap so wide and so certain counts as open background
 CLIP = 8.0  # nats: what one pixel's colour can say at most, so that a stray colour does not outvote its neighbours
@@ -55,8 +54,8 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
     background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
     known = background.log_density(rgb)
-    strange = np.minimum(strangeness(known, is_ring), strangeness(colours.log_density(rgb), is_ring))
-    is_tree = expit(SHARP * strange[is_inside])
+    tree = fit_mixture(rgb[is_inside], components, rng=rng)  # at first all that the crown shows
+    is_tree = expit(SHARP * (tree.log_density(rgb) - known)[is_inside])
     tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + LEAST)
     gap = is_inside & ~is_ring
     for _ in range(ROUNDS):
@@ -82,12 +81,7 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
 def odds_of_share(is_tree: NDArray[np.floating]) -> float:
     """Log odds of a crown pixel from the share of the crown that is tree so far: an airy crown is mostly sky."""
     share = float(np.clip(is_tree.mean(), 1e-3, 1 - 1e-3))
-    return float(np.clip(np.log(share / (1 - share)), LO, HI))
-
-
-def strangeness(log_density: NDArray[np.float32], is_ring: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """How far below the ring's own pixels a background model's density lies, in nats (h, w): > 0 is strange."""
-    return np.asarray(np.quantile(log_density[is_ring], STRANGE) - log_density)
+    return float(np.clip(np.log(share / (1 - share)), AIRIEST, 0))
 
 
 def outline_prior(region: Region) -> NDArray[np.float32]:

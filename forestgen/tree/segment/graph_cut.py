@@ -31,7 +31,7 @@ class GraphCutFoliage(Strategy):
     rule: Literal["contrast", "green_red"] = "contrast"  # sec. 2: "green_red", which fails for blossom and frost
     components: int = 10  # Gaussians for the crown's colours; sec. 2
     leaf_components: int = 4  # how many of them are leaves under the rule green_red; sec. 2
-    smoothness: float = 2.0  # lambda; sec. 2 prints 60: it swallows twigs and gaps (benchmarks/segmentation.py)
+    smoothness: float = 5.0  # lambda; sec. 2 prints 60: it swallows twigs and gaps (benchmarks/segmentation.py)
     guard: float = 8.0  # levels of 255: lambda/|dI| of sec. 2 is infinite at equal colours, less counts as this
     dilations: int = (
         10  # px by which the crown is widened; sec. 2 prints 10, here for 1500 px and scaled with the photo

@@ -19,6 +19,7 @@ EVEN = 3.0  # stations over which the found edges are smoothed
 STRETCH = 0.3  # share of the stroke over which a limb's usual width is taken
 SLACK = 1.15  # by this factor a limb may be wider than it usually is below
 CLEAR = 1.0  # nats a sample by which a limb stands out from what is beside it, where its edges can be seen
+LOWER, FLARE = 0.4, 1.8  # at the root a limb is at most so much wider than usual in the lower share of its stroke
 TAPER = 0.35  # width at the stroke's end, as a share of the width where the limb dives into the leaves
 FINE = 4  # subpixels a side for the ribbon's cover
 LONGEST = 30_000  # subpixels that OpenCV can fill along a side
@@ -129,7 +130,8 @@ def plausible_width(width: NDArray[np.float64], clarity: NDArray[np.float64]) ->
     From where it dives into the leaves and its edges cannot be seen, it tapers towards the stroke's end.
     """
     usual = median_filter(width, max(3, round(len(width) * STRETCH)), mode="nearest")
-    limit = SLACK * np.minimum.accumulate(usual) + 1
+    lower = float(np.median(usual[: max(1, round(len(width) * LOWER))]))
+    limit = np.minimum(SLACK * np.minimum.accumulate(usual), FLARE * lower) + 1
     dives = int(np.argmax(np.cumsum(clarity - CLEAR)))
     limit[dives:] *= np.linspace(1, TAPER, len(width) - dives)
     return np.asarray(limit)

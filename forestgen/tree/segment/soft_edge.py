@@ -33,6 +33,13 @@ def soften(rgb: NDArray[np.float32], is_tree: NDArray[np.bool_]) -> NDArray[np.f
     return alpha
 
 
+def without_flecks(alpha: NDArray[np.float32], least_area: float) -> NDArray[np.float32]:
+    """The matte (h, w) without the lone patches that cover fewer pixels than that."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats((alpha > 0).astype(np.uint8), connectivity=8)
+    covered = np.bincount(label.ravel(), (alpha >= 0.5).ravel(), len(stats))
+    return np.where(covered[label] >= least_area, alpha, np.float32(0))
+
+
 def _local_mean(rgb: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
     """Weighted mean colour (h, w, 3) of the pixels near each pixel."""
     mass = cv2.GaussianBlur(weight, (0, 0), NEAR)

@@ -15,7 +15,7 @@ from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region, bounding
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
 from forestgen.tree.segment.smoothness import edge_costs
-from forestgen.tree.segment.soft_edge import soften
+from forestgen.tree.segment.soft_edge import soften, without_flecks
 from forestgen.tree.strokes import Strokes
 
 WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
@@ -29,7 +29,10 @@ SMOOTH, GUARD = 4.0, 8.0  # as lambda and guard of the foliage cut: limbs are la
 AMONG_LEAVES = 0.3  # what pixels of a stroked limb in the crown count for the wood's colours: leaves hide it
 BESIDE = -0.5  # log odds of wood between trunk and crown, off the strokes
 LONG = 6.0  # area over squared half width from which a patch is a limb: a bar six half widths long has 12, a disc 3
-STRAIGHT, STRAIGHT_DETAIL = 0.5, 1.5  # how far a limb's edges run one way (1: parallel), seen at this sigma in px
+STRAIGHT = 0.5  # how far a limb's edges run one way (1: parallel)
+STRAIGHT_DETAIL = (1.5, 5.0)  # sigmas in px at which that is seen, of patches that are wider
+FAINT = -50.0  # nats, for what is out of the question
+FLECK = 1e-4  # of the crown's area: smaller lone patches of tree are noise; the truth has hardly any
 SPECK = 3e-5  # of the crown's area: smaller patches of wood off the stroked limbs are shade between leaves
 ENOUGH = 200  # px of plain trunk below the crown that suffice to learn its colours from
 
@@ -115,11 +118,12 @@ def find_wood(
     says[beside] = limbs.colours.log_density(region.rgb[beside]) - log_background[beside] + BESIDE
     leaf = _leaf_colours(region, is_tree, limbs, rng)
     wood = distinct_colours(limbs.colours, leaf)
-    if wood is not None:
-        rgb = region.rgb[inside]
-        other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
-        hidden = np.where(limbs.is_limb[inside], UNDER_LEAVES, ELSEWHERE)
-        says[inside] = wood.log_density(rgb) - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
+    rgb, on_limb = region.rgb[inside], limbs.is_limb[inside]
+    other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
+    hidden = np.where(on_limb, UNDER_LEAVES, ELSEWHERE)
+    off_limb = np.full(len(rgb), FAINT, np.float32) if wood is None else wood.log_density(rgb)
+    colour = np.where(on_limb, limbs.colours.log_density(rgb), off_limb)
+    says[inside] = colour - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
     ribbon = limbs.is_limb & ~inside
     says[ribbon] = CLIP
     window = bounding(inside | beside | ribbon)
@@ -156,10 +160,11 @@ def _like_limbs(found: NDArray[np.bool_], region: Region, limbs: Limbs) -> NDArr
     A limb is longer than wide and its two edges run one way; shade between leaves comes in specks and blobs.
     """
     label, area, radius = _patches(found & ~limbs.is_limb)
-    strength, directed = (
-        np.bincount(label.ravel(), value.ravel(), len(area)) for value in edge_directions(found, STRAIGHT_DETAIL)
-    )
-    keep = (area > LONG * radius**2) & (area >= max(4, SPECK * region.size_px**2)) & (directed > STRAIGHT * strength)
+    keep = (area > LONG * radius**2) & (area >= max(4, SPECK * region.size_px**2))
+    for detail in STRAIGHT_DETAIL:
+        edges = edge_directions(found, detail)
+        strength, directed = (np.bincount(label.ravel(), value.ravel(), len(area)) for value in edges)
+        keep &= (directed > STRAIGHT * strength) | (radius < detail)
     keep[0] = False
     return np.asarray(keep[label] | (found & limbs.is_limb))
 
@@ -174,20 +179,23 @@ def _forks(found: NDArray[np.bool_], ribbon: NDArray[np.bool_], is_tree: NDArray
 
 
 def _patches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
-    """Labels (h, w) of a mask's connected patches, and of each its area and its greatest half width, px."""
+    """Labels (h, w) of a mask's connected patches, and of each its area and greatest half width, pores closed."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    radius = np.zeros(len(stats))
-    depth = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
+    solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    depth = cv2.distanceTransform(solid, cv2.DIST_L2, 3)
     patch = np.asarray(label, np.int32)
-    np.maximum.at(radius, patch[mask], depth[mask])
-    return patch, np.asarray(stats[:, cv2.CC_STAT_AREA], np.int32), radius
+    area = np.asarray(stats[:, cv2.CC_STAT_AREA], np.int32)
+    radius = (
+        2 * np.bincount(patch.ravel(), depth.ravel(), len(area)) / np.maximum(area, 1)
+    )  # of a bar, the mean is half
+    return patch, area, radius
 
 
 def matte(
     region: Region, is_leaf: NDArray[np.bool_], is_wood: NDArray[np.bool_], limbs: Limbs
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Alpha of leaf and of wood (h, w), soft at the tree's edge; below the crown the ribbons' own edges."""
-    alpha = soften(region.rgb, is_leaf | is_wood)
+    alpha = without_flecks(soften(region.rgb, is_leaf | is_wood), FLECK * region.size_px**2)
     by_ribbon = limbs.is_near & ~region.is_inside & (limbs.is_limb | ~is_wood)
     alpha = np.where(by_ribbon, limbs.cover, alpha)
     return share_out(alpha, is_leaf, is_wood)

@@ -1,0 +1,139 @@
+"""Segmentation: rule x photo against the true masks, with seconds, and OpenCV's GrabCut as the peer.
+
+    python benchmarks/segmentation.py SHARED_FOLDER [TREE ...]
+
+Columns of a rule: IoU of the whole tree at one half, IoU of its envelope, F-score of wood (2 px), seconds.
+The last rows vary the smoothness: the paper's 60 against ours.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.arrays import stage_rng
+from forestgen.check.metrics import envelope
+from forestgen.tree.mattes import Mattes
+from forestgen.tree.photo import Photo, load_photo
+from forestgen.tree.segment.graph_cut import GraphCutFoliage
+from forestgen.tree.strokes import Strokes, draw_polyline, fill_outline, load_strokes
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    photo: Photo
+    strokes: Strokes
+    is_tree: Mask
+    is_wood: Mask
+
+
+def cases(shared: Path, wanted: list[str]) -> list[Case]:
+    """Every photo of the ground truth that has a mask."""
+    found = []
+    for drawn in sorted((shared / "ground_truth").glob("*/strokes_*.json")):
+        view = drawn.stem.removeprefix("strokes_")
+        in_woods = drawn.parent.name == "woods"
+        photo = drawn.parent / ("photo.jpg" if in_woods else f"photo_{view}.jpg")
+        mask = drawn.parent / (f"mask_{view}.png" if in_woods else f"photo_{view}_mask.png")
+        name = f"{drawn.parent.name} {view}"
+        if wanted and not any(word in name for word in wanted):
+            continue
+        truth = cv2.imread(str(mask))[..., ::-1].astype(int)
+        found.append(
+            Case(
+                name,
+                load_photo(photo),
+                load_strokes(drawn),
+                truth[..., 0] + truth[..., 1] >= 128,
+                truth[..., 1] >= 128,
+            )
+        )
+    return found
+
+
+def grab_cut(photo: Photo, strokes: Strokes) -> Mattes:
+    """The peer: inside the crown probably tree, under the strokes tree, elsewhere background."""
+    trimap = np.where(fill_outline(strokes.crown, photo.size), cv2.GC_PR_FGD, cv2.GC_BGD).astype(np.uint8)
+    for path in strokes.branches:
+        trimap[draw_polyline(path, photo.size, 5)] = cv2.GC_FGD
+    cv2.setRNGSeed(0)
+    cv2.grabCut(
+        photo.rgb[..., ::-1].copy(), trimap, None, np.zeros((1, 65)), np.zeros((1, 65)), 5, cv2.GC_INIT_WITH_MASK
+    )
+    is_tree = np.isin(trimap, [cv2.GC_FGD, cv2.GC_PR_FGD])
+    return Mattes(is_tree.astype(np.float32), np.zeros(is_tree.shape, np.float32))
+
+
+def by(method: GraphCutFoliage) -> Callable[[Photo, Strokes], Mattes]:
+    return lambda photo, strokes: method(photo, strokes, rng=stage_rng(0, "segment", 0))
+
+
+RULES: dict[str, Callable[[Photo, Strokes], Mattes]] = {
+    "contrast": by(GraphCutFoliage()),
+    "contrast, lambda 60": by(GraphCutFoliage(smoothness=60.0)),
+    "green_red": by(GraphCutFoliage(rule="green_red")),
+    "green_red, as printed": by(GraphCutFoliage(rule="green_red", smoothness=60.0, guard=1.0)),
+    "GrabCut": grab_cut,
+}
+
+
+def overlap(a: Mask, b: Mask) -> float:
+    return float((a & b).sum() / max(1, (a | b).sum()))
+
+
+def near_score(truth: Mask, found: Mask, within: float = 2.0) -> float:
+    """F-score of two thin masks, hits counting within so many px."""
+    if not truth.any() or not found.any():
+        return 0.0
+    to_truth, to_found = (cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 5) for m in (truth, found))
+    precision, recall = float((to_truth[found] <= within).mean()), float((to_found[truth] <= within).mean())
+    return 2 * precision * recall / max(precision + recall, 1e-9)
+
+
+def score(case: Case, rule: Callable[[Photo, Strokes], Mattes]) -> tuple[float, float, float, float]:
+    start = perf_counter()
+    mattes = rule(case.photo, case.strokes)
+    seconds = perf_counter() - start
+    rows = np.flatnonzero(case.is_tree.any(axis=1))
+    tall = float(np.ptp(rows))
+    return (
+        overlap(mattes.is_tree, case.is_tree),
+        overlap(envelope(mattes.is_tree, tall), envelope(case.is_tree, tall)),
+        near_score(case.is_wood, mattes.is_branch),
+        seconds,
+    )
+
+
+def main() -> None:
+    if len(sys.argv) < 2 or not (Path(sys.argv[1]) / "ground_truth").is_dir():
+        raise SystemExit("usage: python benchmarks/segmentation.py SHARED_FOLDER [TREE ...]")
+    trees = cases(Path(sys.argv[1]), sys.argv[2:])
+    print(f"{'':24}" + "".join(f"{name:>26}" for name in RULES))
+    total = []
+    for case in trees:
+        row = [score(case, rule) for rule in RULES.values()]
+        total.append(row)
+        print(f"{case.name:24}" + "".join(f"{_cells(s):>26}" for s in row), flush=True)
+    mean = np.mean(total, axis=0)
+    print(f"{'mean':24}" + "".join(f"{_cells(s):>26}" for s in mean))
+    names = list(RULES)
+    for name, ratio in zip(names, mean[:, 3] / mean[names.index("GrabCut"), 3], strict=True):
+        print(f"{name}: {ratio:.2f} of GrabCut's time")
+
+
+def _cells(s: tuple[float, ...] | NDArray[np.float64]) -> str:
+    return f"{s[0]:.3f} {s[1]:.3f} {s[2]:.2f} {s[3]:5.1f} s"
+
+
+if __name__ == "__main__":
+    main()
