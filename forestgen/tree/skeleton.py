@@ -12,12 +12,10 @@ from forestgen.arrays import freeze
 
 def is_topological(parent: NDArray[np.int64]) -> bool:
     """Whether node 0 is the only root and every other node comes after its parent."""
-    return (
-        len(parent) > 0
-        and parent[0] == -1
-        and bool(np.all(parent[1:] >= 0))
-        and bool(np.all(parent[1:] < np.arange(1, len(parent))))
-    )
+    if not len(parent) or parent[0] != -1:
+        return False
+    above = parent[1:]
+    return bool(np.all((above >= 0) & (above < np.arange(1, len(parent)))))
 
 
 def n_children(parent: NDArray[np.int64]) -> NDArray[np.int64]:
