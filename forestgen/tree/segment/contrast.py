@@ -2,7 +2,8 @@
 
 Tan et al. 2008 take the four most green or red clusters for leaves, which fails for white blossom,
 autumn yellow, frost or a grey photo. Here the background is learnt where it is known, outside the
-crown, as a model that follows the place; the tree is what that model does not explain inside.
+crown, as a model that follows the place; tree are the colours that are commoner inside than that
+model lets expect. Colours that a neighbour shares stay the tree's as far as the crown has more of them.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from forestgen.errors import StageError
-from forestgen.tree.colour_model import fit_mixture
-from forestgen.tree.segment.background_field import spread_background
+from forestgen.tree.colour_model import Mixture, fit_mixture
+from forestgen.tree.segment.background_field import BackgroundField, spread_background
 from forestgen.tree.segment.region import Region
 
 FITTED_ON = 150_000  # pixels: the models are fitted on every n-th pixel of larger windows
@@ -45,37 +46,46 @@ def contrast_inside_and_ring(region: Region, components: int, *, rng: np.random.
     Raises:
         StageError: the crown fills the photo so that nothing is left to compare with, or does not differ from it.
     """
-    stride = max(1, round((region.depth.size / FITTED_ON) ** 0.5))
-    part = (slice(None, None, stride), slice(None, None, stride))
-    rgb, is_ring, is_inside = region.rgb[part], region.is_ring[part], region.is_inside[part]
-    if is_ring.sum() < 50:
-        raise StageError("no background is left around 'crown': draw a background stroke, or take a wider photo")
     prior = outline_prior(region)
-    colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
-    background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
-    known = background.log_density(rgb)
-    tree = fit_mixture(rgb[is_inside], components, rng=rng)  # at first all that the crown shows
-    is_tree = expit(SHARP * (tree.log_density(rgb) - known)[is_inside])
-    tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + LEAST)
-    gap = is_inside & ~is_ring
-    for _ in range(ROUNDS):
-        share = odds_of_share(is_tree)
-        is_tree = expit(tree.log_density(rgb[is_inside]) - known[is_inside] + prior[part][is_inside] + share)
-        certainty = is_ring.astype(np.float32)
-        certainty[gap] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
-        is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
-        background = spread_background(rgb, certainty, is_open, colours)
-        known = background.log_density(rgb)
-        tree = fit_mixture(rgb[is_inside], components, rng=rng, weight=is_tree + LEAST, start=tree)
-    prior = prior + odds_of_share(is_tree)
+    tree, background, odds = _learn(region, prior, components, rng)
     log_background = background.log_density(region.rgb)
     log_ratio = np.full(region.depth.shape, FAINT, np.float32)
     inside = region.is_inside
     says = tree.log_density(region.rgb[inside]) - log_background[inside]
     if np.quantile(says, 1 - SEEN) < DIFFERENT:
         raise StageError("nothing in the crown differs from what is around it: is the outline on the tree?")
-    log_ratio[inside] = np.clip(says + prior[inside], -CLIP, CLIP)
+    log_ratio[inside] = np.clip(says + prior[inside] + odds, -CLIP, CLIP)
     return Evidence(log_ratio, log_background)
+
+
+def _learn(
+    region: Region, prior: NDArray[np.float32], components: int, rng: np.random.Generator
+) -> tuple[Mixture, BackgroundField, float]:
+    """The colours of tree and of background, and the log odds of tree in this crown.
+
+    Begins with the colours that are commoner in the crown than around it; then, in turns, the
+    background learns from the gaps in the crown, and the tree from what the background leaves.
+    """
+    stride = max(1, round((region.depth.size / FITTED_ON) ** 0.5))
+    part = (slice(None, None, stride), slice(None, None, stride))
+    rgb, is_ring, is_inside = region.rgb[part], region.is_ring[part], region.is_inside[part]
+    if is_ring.sum() < 50:
+        raise StageError("no background is left around 'crown': draw a background stroke, or take a wider photo")
+    crown, place, gap = rgb[is_inside], prior[part][is_inside], is_inside & ~is_ring
+    colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
+    background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
+    known = background.log_density(rgb)[is_inside]
+    is_tree = expit(SHARP * (fit_mixture(crown, components, rng=rng).log_density(crown) - known))
+    tree = fit_mixture(crown, components, rng=rng, weight=is_tree + LEAST)
+    for _ in range(ROUNDS):
+        is_tree = expit(tree.log_density(crown) - known + place + odds_of_share(is_tree))
+        certainty = is_ring.astype(np.float32)
+        certainty[gap] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
+        is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
+        background = spread_background(rgb, certainty, is_open, colours)
+        known = background.log_density(rgb)[is_inside]
+        tree = fit_mixture(crown, components, rng=rng, weight=is_tree + LEAST, start=tree)
+    return tree, background, odds_of_share(is_tree)
 
 
 def odds_of_share(is_tree: NDArray[np.floating]) -> float:

@@ -102,19 +102,18 @@ def test_lines_run_one_way_and_discs_do_not() -> None:
 
 
 def test_background_follows_the_place() -> None:
-    # blue to the left, orange to the right, both known only above and below a middle band
-    rgb = np.empty((60, 80, 3), np.float32)
-    rgb[:, :40], rgb[:, 40:] = (0.3, 0.5, 0.8), (0.8, 0.5, 0.2)
+    # blue above, orange below, both known only to the left and right of a middle band
+    rgb = np.empty((80, 60, 3), np.float32)
+    rgb[:40], rgb[40:] = (0.3, 0.5, 0.8), (0.8, 0.5, 0.2)
     rng = np.random.default_rng(0)
     rgb += rng.normal(0, 0.01, rgb.shape).astype(np.float32)
-    known = np.ones((60, 80), bool)
-    known[20:40] = False
+    known = np.ones((80, 60), bool)
+    known[:, 20:40] = False
     model = fit_mixture(rgb[known], 4, rng=rng)
     field = spread_background(rgb, known.astype(np.float32), known, model)
-    right = field.log_density(rgb)
-    swapped = field.log_density(np.ascontiguousarray(rgb[:, ::-1]))
-    assert (right[30, 4:36] - swapped[30, 4:36]).mean() > 2
-    assert (right[30, 44:] - swapped[30, 44:]).mean() > 2
+    gain = field.log_density(rgb) - field.log_density(np.ascontiguousarray(rgb[::-1]))
+    assert gain[4:32, 20:40].mean() > 2
+    assert gain[48:76, 20:40].mean() > 2
     assert np.isfinite(field.log_density(np.zeros_like(rgb))).all()
 
 
