@@ -28,6 +28,8 @@ SHRINK = (1.0, 0.8, 0.6)  # a leaf that does not fit is tried again this much sm
 SHOWN = 0.3  # mean projected area of a leaf over its length squared: half as wide as long, in all attitudes
 FAR = 0.75  # lengths of a leaf: foliage farther from its twig takes a long-stalked leaf
 LEAST_GAIN = 0.25  # share of an aimed leaf that must cover open foliage
+HIDE_ROUNDS = 4  # at most, of leaves aimed at grown wood that shows where the photo shows none
+LEAST_HIDDEN = 0.08  # or, of one that is to hide wood, something open
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +98,9 @@ class LeavesAlongBranches(Strategy):
         kept = [self.grow(stations, crown, rng=rng)]
         for _ in range(self.fill_rounds):
             kept.append(self.fill(wood, crown, self.most - sum(len(part) for part in kept), rng=rng))
+        for _ in range(min(self.fill_rounds, HIDE_ROUNDS)):
+            room = self.most - sum(len(part) for part in kept)
+            kept.append(self.fill(wood, crown, room, wood_only=True, rng=rng))
         leaves = self.recolour(join(kept), crown, rng=rng)
         for target in crown.targets:
             share = np.count_nonzero(target.open) / np.count_nonzero(target.is_foliage)
@@ -134,16 +139,19 @@ class LeavesAlongBranches(Strategy):
             rest = rest[~fits]
         return join(kept)
 
-    def fill(self, wood: YoungWood, crown: Crown, room: int, *, rng: np.random.Generator) -> Placement:
+    def fill(
+        self, wood: YoungWood, crown: Crown, room: int, *, wood_only: bool = False, rng: np.random.Generator
+    ) -> Placement:
         """Leaves aimed at foliage that is open still, from twigs within reach: long-stalked where that is far."""
         kept: list[Placement] = []
+        least_gain = LEAST_HIDDEN if wood_only else LEAST_GAIN
         for target in crown.targets:
-            aim = aim_at_open(target, wood, crown.length, crown.reach, rng=rng)
+            aim = aim_at_open(target, wood, crown.length, crown.reach, wood_only=wood_only, rng=rng)
             is_far = (aim.way > FAR * crown.length) & crown.is_long.any()
             size = crown.reaching(aim.way, is_far)
             for shrink in SHRINK[: self.tries]:
                 leaves = self.dress(aim.foot, aim.axis, aim.normal, shrink * size, is_far, crown, rng=rng)
-                fits = crown.keep(leaves, self.inside, LEAST_GAIN, room - sum(len(part) for part in kept))
+                fits = crown.keep(leaves, self.inside, least_gain, room - sum(len(part) for part in kept))
                 kept.append(leaves.take(fits))
                 aim, is_far, size = aim.take(~fits), is_far[~fits], size[~fits]
         return join(kept)

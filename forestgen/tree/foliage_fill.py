@@ -14,7 +14,8 @@ from forestgen.tree.foliage_twigs import YoungWood
 
 SEED_CELL = 0.35  # side of the cells that send one leaf each, in lengths of a leaf
 LEAST_OPEN = 3  # px of a cell that must be open
-NEAREST = 16  # twigs that a pixel may choose from
+NEAREST = 32  # twigs that a pixel may choose from
+CLEAR = 0.15  # lengths of a leaf by which a leaf's middle passes before wood that it is to hide
 TILT = 0.5  # radians by which such a leaf leaves the picture plane, standard deviation
 
 
@@ -31,11 +32,17 @@ class Aim:
         return Aim(self.foot[pick], self.axis[pick], self.normal[pick], self.way[pick])
 
 
-def aim_at_open(target: Target, wood: YoungWood, length: float, reach: float, *, rng: np.random.Generator) -> Aim:
-    """Aim leaves, from twigs up to `reach` metres away in the picture, at open foliage: one for each small cell."""
+def aim_at_open(
+    target: Target, wood: YoungWood, length: float, reach: float, *, wood_only: bool = False, rng: np.random.Generator
+) -> Aim:
+    """Aim leaves, from twigs up to `reach` metres away in the picture, at open foliage: one for each small cell.
+
+    With `wood_only` they are aimed at wood that the photo does not show, however little of it is bare.
+    """
     camera = target.view.camera
     px = length * camera.px_per_metre
-    seed = open_seeds(target.open, max(1.0, SEED_CELL * px), rng=rng)
+    is_open = target.open & target.is_grown if wood_only else target.open
+    seed = open_seeds(is_open, max(1.0, SEED_CELL * px), 1 if wood_only else LEAST_OPEN, rng=rng)
     foot, radius = spread_points(wood, 0.25 * length)
     flat = camera.project(foot)
     k = min(NEAREST, len(foot))
@@ -43,12 +50,17 @@ def aim_at_open(target: Target, wood: YoungWood, length: float, reach: float, *,
     far, near = far.reshape(len(seed), k), near.reshape(len(seed), k)
     count = np.isfinite(far).sum(axis=1)
     reached = count > 0
-    pick = np.minimum((rng.random(len(seed)) * count).astype(np.int64), np.maximum(count - 1, 0))
-    chosen = near[np.arange(len(seed)), pick][reached]
-    seed = seed[reached]
+    barrier = target.wood_depth[seed[:, 1].astype(np.int64), seed[:, 0].astype(np.int64)].astype(float)
+    behind = barrier[:, None] - camera.depth(foot)[np.minimum(near, len(foot) - 1)]  # -inf where no wood is in the way
+    wish = rng.random(near.shape) + np.clip(behind / reach, 0, 3)  # twigs that stand before that wood, or nearly
+    chosen = near[np.arange(len(seed)), np.where(np.isfinite(far), wish, np.inf).argmin(axis=1)][reached]
+    seed, barrier = seed[reached], barrier[reached]
 
     flat_way = (seed - flat[chosen]) / camera.px_per_metre * [1.0, -1.0]  # m, in the picture
     tilt = rng.normal(0, TILT, len(seed)).clip(-1.2, 1.2)
+    over = barrier + CLEAR * length - camera.depth(foot[chosen])
+    needed = np.arctan2(np.maximum(over, 0), np.linalg.norm(flat_way, axis=1) + 1e-9)
+    tilt = np.where(over > 0, np.maximum(tilt, np.minimum(needed, 1.3)), tilt)
     ahead = flat_way + 1e-9 * rng.normal(size=flat_way.shape)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     right, up, toward = camera.axes
@@ -59,15 +71,17 @@ def aim_at_open(target: Target, wood: YoungWood, length: float, reach: float, *,
     return Aim(foot[chosen] + axis * radius[chosen][:, None] * 0.9, axis, normal, way)
 
 
-def open_seeds(is_open: NDArray[np.bool_], cell: float, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """One open pixel (S, 2) xy of each square cell that has some."""
+def open_seeds(
+    is_open: NDArray[np.bool_], cell: float, least: int = LEAST_OPEN, *, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """One open pixel (S, 2) xy of each square cell that has `least` of them."""
     row, column = np.nonzero(is_open)
     if not len(row):
         return np.zeros((0, 2))
     key = (row / cell).astype(np.int64) * (is_open.shape[1] + 1) + (column / cell).astype(np.int64)
     order = np.lexsort((rng.random(len(key)), key))
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    pick = order[first[count >= LEAST_OPEN]]
+    pick = order[first[count >= least]]
     return np.column_stack([column[pick] + 0.5, row[pick] + 0.5])
 
 

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from forestgen.tree.leaf_scale import height_px
 from forestgen.tree.model import Atlas
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
 CHUNK = 400_000  # sample points looked up at a time: bounds the memory to some 30 MB
-THICK_PX = 1.0  # wood of at least this radius in the photo hides a leaf behind it
+GAP = 0.005  # share of the tree's height: grown wood this near to foliage, in its small gaps, may be hidden by leaves
+THICK_PX = 0.5  # wood of at least this radius in the photo hides a leaf behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +76,10 @@ class Target:
     """One view's foliage as leaves see it: what may be covered, how deep wood lies, and what is covered."""
 
     view: View
-    is_foliage: NDArray[np.bool_]  # (H, W)
+    is_foliage: NDArray[np.bool_]  # (H, W) where leaves belong: foliage, and grown wood that the photo does not show
     is_wood: NDArray[np.bool_]  # (H, W) wood that the photo shows: leaves stay behind it
     wood_depth: NDArray[np.float32]  # (H, W) m towards the camera; -inf where there is no wood
+    is_grown: NDArray[np.bool_]  # (H, W) wood that the photo does not show: leaves should hide it
     is_covered: NDArray[np.bool_] = field(init=False)  # (H, W) by a leaf, and not by wood before it
 
     def __post_init__(self) -> None:
@@ -92,28 +95,31 @@ def make_target(view: View, skeleton: Skeleton) -> Target:
     """What a view asks of the leaves: its foliage covered, its visible wood left bare."""
     is_wood = view.mattes.is_branch & ~view.mattes.is_foliage
     depth = draw_wood(view, skeleton)
+    near = cv2.distanceTransform((~view.mattes.is_foliage).astype(np.uint8), cv2.DIST_L2, 3) <= GAP * height_px(view)
+    is_grown = np.isfinite(draw_wood(view, skeleton, 0.0)) & ~is_wood & near
     blank = is_wood & np.isneginf(depth)
     if blank.any() and not blank.all():  # wood of the photo that the skeleton misses is as deep as the nearest it has
         column, row = np.meshgrid(np.arange(depth.shape[1]), np.arange(depth.shape[0]))
         known = np.isfinite(depth)
         if known.any():
             tree = cKDTree(np.column_stack([column[known], row[known]]))
-            _, near = tree.query(np.column_stack([column[blank], row[blank]]))
-            depth[blank] = depth[known][near]
-    return Target(view, view.mattes.is_foliage, is_wood, depth)
+            _, nearest = tree.query(np.column_stack([column[blank], row[blank]]))
+            depth[blank] = depth[known][nearest]
+    return Target(view, view.mattes.is_foliage | is_grown, is_wood, depth, is_grown)
 
 
-def draw_wood(view: View, skeleton: Skeleton) -> NDArray[np.float32]:
+def draw_wood(view: View, skeleton: Skeleton, least_px: float = THICK_PX) -> NDArray[np.float32]:
     """How near to the camera (H, W) the front of the wood is, metres; -inf where there is none.
 
-    Each edge is drawn as a stroke as wide as its end, from the farthest to the nearest.
+    Wood thinner than `least_px` (radius) is left out. Each edge is drawn as a stroke as wide as its
+    end, from the farthest to the nearest.
     """
     camera = view.camera
     depth = np.full(view.mattes.foliage.shape, -np.inf, np.float32)
     radius = np.nan_to_num(skeleton.radius)
     xy = np.round((camera.project(skeleton.position) - 0.5) * 16).astype(np.int32)
     far = camera.depth(skeleton.position)
-    thick = 1 + np.flatnonzero(radius[1:] * camera.px_per_metre >= THICK_PX)
+    thick = 1 + np.flatnonzero(radius[1:] * camera.px_per_metre >= least_px)
     near = np.maximum(far[thick], far[skeleton.parent[thick]])
     for k in np.argsort(near, kind="stable"):
         node = int(thick[k])

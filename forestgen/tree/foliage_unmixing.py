@@ -46,7 +46,7 @@ PLAIN_MOST = 95  # percentile of the plain foliage's tint that any leaf may have
 TAKEN = 0.9  # share of what is beyond that which is taken out
 LEAN = 0.2  # and share of the plain foliage's hue put in its stead
 ACROSS = 0.6  # share of the plain foliage's hue across the sky's that comes with it: no green turns purple
-BOUND = 3.5  # CIEDE2000 or so: how far from the photo the mean pixel of a crown may be taken
+BOUND = 3.2  # CIEDE2000 or so: how far from the photo the mean pixel of a crown may be taken
 HALF_TURNED = 3.0  # CIELAB beyond: half of that share
 
 

@@ -99,11 +99,13 @@ def drawn(leaves: Leaves, view: View, atlas: Atlas) -> NDArray[np.bool_]:
     return mask > 0
 
 
-def test_leaves_cover_the_foliage_and_nothing_else(leaves: Leaves, view: View, atlas: Atlas) -> None:
+def test_leaves_cover_the_foliage_and_nothing_else(
+    leaves: Leaves, skeleton: Skeleton, view: View, atlas: Atlas
+) -> None:
     cover, foliage = drawn(leaves, view, atlas), view.mattes.is_foliage
     shared = (cover & foliage).sum()
     assert shared / foliage.sum() > 0.85
-    bare = cover & ~foliage & ~view.mattes.is_branch
+    bare = cover & ~foliage & ~view.mattes.is_branch & ~make_target(view, skeleton).is_grown
     assert bare.sum() / cover.sum() < 0.2  # polygons are drawn, 0.88 of whose opaque part is inside
 
 
@@ -248,7 +250,11 @@ def test_footprint_equals_projection_point_by_point(view: View) -> None:
     blank = np.full(view.mattes.foliage.shape, -np.inf, np.float32)
     for focal, tolerance in ((None, 0), (2000.0, 1)):
         target = Target(
-            replace(view, camera=replace(view.camera, focal_px=focal)), view.mattes.is_foliage, blank > 0, blank
+            replace(view, camera=replace(view.camera, focal_px=focal)),
+            view.mattes.is_foliage,
+            blank > 0,
+            blank,
+            blank > 0,
         )
         found = footprint(target, leaves, samples)
         for k in range(20):
@@ -272,6 +278,22 @@ def test_wood_hides_what_is_behind_it(view: View) -> None:
     assert found.inside.tolist() == [1.0, 0.0]  # the trunk shows there: behind it yes, before it no
     assert (found.pixel[0] == -1).all()
     assert (found.pixel[1] >= 0).all()
+
+
+def test_leaves_hide_wood_that_the_photo_does_not_show(skeleton: Skeleton, view: View, atlas: Atlas) -> None:
+    """Without the rounds aimed at it more of the grown wood is bare; what is visible in the photo is never aimed at."""
+
+    def bare_wood(leaves: Leaves) -> float:
+        target = make_target(view, skeleton)
+        placed = Placement(leaves.position, rotation(leaves.orientation), leaves.size, leaves.prototype)
+        pixel = footprint(target, placed, blade_samples(atlas, 96)).pixel
+        covered = np.zeros(target.is_grown.size, bool)
+        covered[pixel[pixel >= 0]] = True
+        return float((target.is_grown.ravel() & ~covered).sum() / target.is_grown.sum())
+
+    target = make_target(view, skeleton)
+    assert not (target.is_grown & view.mattes.is_branch & ~view.mattes.is_foliage).any()
+    assert bare_wood(grow(skeleton, view, atlas)) < 0.85 * bare_wood(grow(skeleton, view, atlas, fill_rounds=0))
 
 
 def test_wood_is_drawn_from_the_far_to_the_near(view: View) -> None:
