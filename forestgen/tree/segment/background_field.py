@@ -14,6 +14,7 @@ CELLS = 64  # of the coarse grid, across the window's longer side
 REACH = ((0.04, 0.04, 1.0), (0.24, 0.08, 0.1), (0.6, 0.3, 0.01))  # (sigma across, up; weight) of the kernel's parts
 ELSEWHERE = 0.2  # share of each colour's pixels that keep its spread over the whole ring, wherever they are
 PEAK, LEAST = 13.0, 1e-37  # no density exceeds e^13 (a Gaussian as narrow as NOISE); less than LEAST e^13 is nothing
+EXPECTED = 0.05  # weight of a colour in the known background around, from which a gap of that colour is believed
 ANCHOR = 0.003  # what the mixture as a whole counts against local samples: keeps every known colour possible
 
 
@@ -44,14 +45,19 @@ class BackgroundField:
 
 
 def spread_background(
-    rgb: NDArray[np.float32], certainty: NDArray[np.float32], is_open: NDArray[np.bool_], model: Mixture
+    rgb: NDArray[np.float32],
+    certainty: NDArray[np.float32],
+    is_known: NDArray[np.bool_],
+    is_open: NDArray[np.bool_],
+    model: Mixture,
 ) -> BackgroundField:
     """Let a mixture follow the place: at each cell, what the samples near it say.
 
     `certainty` (h, w) in [0, 1] says how surely each pixel is background: the colours are learnt
-    from all of it. Which of them occur where is learnt from open background alone (`is_open`), for
-    a small dark spot in the crown must not make darkness likely around it. A sample's say falls
-    off with distance like a sum of Gaussians (REACH): it never ends, and near ones win.
+    from all of it. Which of them occur where is learnt from what is background for certain
+    (`is_known`) and, as far as that lets them expect there, from open gaps in the crown (`is_open`):
+    a dark spot among the leaves must not make darkness likely around it. A sample's say falls off
+    with distance like a sum of Gaussians (REACH): it never ends, and near ones win.
     """
     h, w = certainty.shape
     cells = [max(1, round(side * CELLS / max(h, w))) for side in (h, w)]
@@ -69,7 +75,10 @@ def spread_background(
     near = gather(share)[..., None] + 1e-9
     first = gather((share[:, :, None] * colour[:, None]).reshape(len(colour), -1))
     mean = (first.reshape(*cells, len(model), 3) + 1e-9 * model.mean) / near
-    occurs = gather(share * is_open[row, column][:, None])
+    around = gather(share * is_known[row, column][:, None])
+    expected = (around / np.maximum(around.sum(axis=2, keepdims=True), 1e-12)).reshape(n, -1)[cell]
+    trusted = np.where(is_known[row, column][:, None], 1, np.minimum(expected / EXPECTED, 1))
+    occurs = gather(share * is_open[row, column][:, None] * trusted)
     weight = (occurs / np.maximum(occurs.sum(axis=2, keepdims=True), 1e-12) + ANCHOR * model.weight) / (1 + ANCHOR)
     fitted = mean.reshape(n, len(model), 3)[cell]
     away = colour[:, None] - fitted

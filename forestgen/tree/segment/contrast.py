@@ -73,7 +73,7 @@ def _learn(
         raise StageError("no background is left around 'crown': draw a background stroke, or take a wider photo")
     crown, place, gap = rgb[is_inside], prior[part][is_inside], is_inside & ~is_ring
     colours = fit_mixture(rgb[is_ring], BACKGROUND_COLOURS, rng=rng)
-    background = spread_background(rgb, is_ring.astype(np.float32), is_ring, colours)
+    background = spread_background(rgb, is_ring.astype(np.float32), is_ring, is_ring, colours)
     known = background.log_density(rgb)[is_inside]
     is_tree = expit(SHARP * (fit_mixture(crown, components, rng=rng).log_density(crown) - known))
     tree = fit_mixture(crown, components, rng=rng, weight=is_tree + LEAST)
@@ -82,7 +82,7 @@ def _learn(
         certainty = is_ring.astype(np.float32)
         certainty[gap] = ((1 - is_tree) ** 2)[~is_ring[is_inside]]
         is_open = is_ring | (cv2.erode(certainty, np.ones((GAP, GAP), np.uint8)) > OPEN)
-        background = spread_background(rgb, certainty, is_open, colours)
+        background = spread_background(rgb, certainty, is_ring, is_open, colours)
         known = background.log_density(rgb)[is_inside]
         tree = fit_mixture(crown, components, rng=rng, weight=is_tree + LEAST, start=tree)
     return tree, background, odds_of_share(is_tree)

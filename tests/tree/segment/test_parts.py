@@ -110,7 +110,7 @@ def test_background_follows_the_place() -> None:
     known = np.ones((80, 60), bool)
     known[:, 20:40] = False
     model = fit_mixture(rgb[known], 4, rng=rng)
-    field = spread_background(rgb, known.astype(np.float32), known, model)
+    field = spread_background(rgb, known.astype(np.float32), known, known, model)
     gain = field.log_density(rgb) - field.log_density(np.ascontiguousarray(rgb[::-1]))
     assert gain[4:32, 20:40].mean() > 2
     assert gain[48:76, 20:40].mean() > 2
