@@ -33,6 +33,7 @@ class BarkFromPhoto(Strategy):
     smallest_px: int = 10  # a trunk that shows fewer pixels across than that gives a plain colour
     evenness: float = 0.22  # light and shade larger than this share of the strip's width are taken out
     detail: float = 0.5  # strength of each octave of detail finer than the photo's
+    limbs: float = 0.6  # weight of all the wood's colour beside the trunk's, on a bare tree: it is mostly limbs
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Bark:
         """The bark of the tree, from the view that shows most of it."""
@@ -48,6 +49,8 @@ class BarkFromPhoto(Strategy):
         rows = max(2, round(self.tallness * columns))
         tile = quilt(even.rgb, even.is_bark, (rows, columns), patch, overlap, rng=rng)
         colour = bark_colour(strip)
+        if views[best].mattes.is_bare:
+            colour = colour + np.float32(self.limbs) * (wood_colour(views[best]) - colour)
         height = 64 * max(1, round(self.width_px * rows / columns / 64))
         large = enlarge(balanced(tile, colour), (height, self.width_px), self.detail)
         return Bark(
@@ -55,6 +58,11 @@ class BarkFromPhoto(Strategy):
             width_m=tile.shape[1] / strip.px_per_metre,
             height_m=tile.shape[0] / strip.px_per_metre,
         )
+
+
+def wood_colour(view: View) -> NDArray[np.float32]:
+    """Mean sRGB (3,) in [0, 1] of all the wood that a photo shows."""
+    return np.asarray(view.photo.rgb[view.mattes.is_branch].mean(axis=0) / 255, np.float32)
 
 
 def largest_patch(strip: TrunkStrip, wanted: int, smallest: int) -> int:
