@@ -350,6 +350,11 @@ def earlier_output(folder: Path) -> dict[str, str]:
     return digests(out)
 
 
+def heed_interrupts() -> None:
+    """A shell's background jobs, and what they start, ignore SIGINT; a person's terminal does not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_build_leaves_what_was_there(folder, number, jobs):
@@ -360,6 +365,7 @@ def test_an_interrupted_build_leaves_what_was_there(folder, number, jobs):
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=heed_interrupts,
     )
     assert process.stderr is not None
     assert "segment" in process.stderr.readline()  # the first tree has begun

@@ -45,7 +45,8 @@ def test_fit_recovers_a_known_mixture() -> None:
     assert_allclose(found.covariance[order], truth.covariance, atol=6e-4)
 
 
-def test_fit_explains_samples_as_well_as_sklearn() -> None:
+def test_fit_explains_samples_as_well_as_sklearn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")  # where cores cannot be counted, joblib warns
     sklearn = pytest.importorskip("sklearn.mixture")
     rng = np.random.default_rng(2)
     x = np.clip(np.concatenate([rng.normal(m, 0.05, (500, 3)) for m in rng.random((8, 3))]), 0, 1)
