@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose
 from forestgen.camera import Camera
 from forestgen.errors import RenderError
 from forestgen.render import Drawable, Studio, frame_camera
-from forestgen.render.drawable import extent_along, vertex_normals
+from forestgen.render.drawable import extent_along
 from forestgen.render.projection import camera_pose, projection
 from forestgen.render.sunlight import FAR, NEAR, clip_depth, sun_camera
+from forestgen.tree.model import vertex_normals
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(size=(200, 120), root_px=(30.0, 100.0), px_per_metre=10.0)

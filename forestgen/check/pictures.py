@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -137,18 +137,6 @@ def portrait_picture(rgba: NDArray[np.float32], *, foot: tuple[float, float] | N
         backdrop = backdrop * (1 - shade[..., None])
     picture = rgba[..., :3] + (1 - rgba[..., 3:]) * backdrop
     return np.asarray((np.clip(picture, 0, 1) * 255).round(), np.uint8)
-
-
-def shown_camera(camera: Camera, frame: Frame) -> Camera:
-    """The orthographic part of a view's camera that shows just the frame, at the report's size."""
-    root = frame.place(np.array([camera.root_px]))[0]
-    return replace(
-        camera,
-        size=frame.size,
-        root_px=(float(root[0]), float(root[1])),
-        px_per_metre=camera.px_per_metre * frame.scale,
-        focal_px=None,
-    )
 
 
 def _draw_tree(

@@ -51,17 +51,6 @@ class Drawable:
         return len(self.faces) * len(self.transforms)
 
 
-def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit normals (P, 3): the faces' normals around each point, weighted by area; +Z where there is none."""
-    corner = points[faces]
-    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    normal = np.zeros_like(points)
-    for k in range(3):
-        np.add.at(normal, faces[:, k], area)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.where(length > 0, normal / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
-
-
 def extent_along(drawables: Sequence[Drawable], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Least and greatest extent (2, A) in metres of all that is drawn, along axes (A, 3).
 

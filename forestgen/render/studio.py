@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.errors import RenderError
-from forestgen.render.drawable import Drawable, extent_along, vertex_normals
+from forestgen.render.drawable import Drawable, extent_along
 from forestgen.render.projection import camera_pose, projection
 from forestgen.render.sunlight import FAR, NEAR, clip_depth, depth_texture, sun_camera, sunlit_renderer
+from forestgen.tree.model import vertex_normals
 
 REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
 SHADERS = Path(__file__).parent / "shaders"

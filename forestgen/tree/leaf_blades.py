@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.tree.model import vertex_normals
+
 PETIOLE = 0.16  # share of a leaf's length that is petiole
 LONG_STALK = 0.48  # and of the long-stalked variant, that reaches farther from its twig
 PETIOLE_HALF_WIDTH = 0.015  # of a leaf's length
@@ -117,13 +119,3 @@ def build_blade(levels: NDArray[np.float64], height: int, stalk: float = PETIOLE
     points = bend(stalked(where, stalk), stalk, *bent)
     index = np.array(faces, np.int64)
     return Blade(points, vertex_normals(points, index), where, index)
-
-
-def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit normals (V, 3): the faces' normals around each vertex, weighted by area."""
-    corner = points[faces]
-    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    normal = np.zeros_like(points)
-    for k in range(3):
-        np.add.at(normal, faces[:, k], area)
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12))

@@ -13,6 +13,17 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
 
+def vertex_normals(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Unit normals (P, 3): the faces' normals around each point, weighted by area; +Z where there is none."""
+    corner = points[faces]
+    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    normal = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(normal, faces[:, k], area)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.where(length > 0, normal / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles in metres. P points, F faces; outward winding is anticlockwise."""

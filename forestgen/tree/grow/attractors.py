@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.tree.grow import kernels
-from forestgen.tree.skeleton import Skeleton, n_children
 
 
 @dataclass(eq=False)
@@ -58,11 +57,6 @@ def image_attractors(region: NDArray[np.bool_], camera: Camera, interval: float)
     x, y = (grid.ravel() for grid in np.meshgrid(columns, rows))
     kept = region[y.astype(int), x.astype(int)]
     return np.column_stack([x[kept], y[kept], np.zeros(int(kept.sum()))]) / camera.px_per_metre
-
-
-def joints_of(skeleton: Skeleton) -> NDArray[np.int64]:
-    """Nodes where a branch forks, ends or starts: the joints whose turned images attract."""
-    return np.flatnonzero(n_children(skeleton.parent) != 1)
 
 
 def turn_about(points: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
