@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from forestgen.errors import InputError
 from forestgen.reading import checked, key_path, quoted, read_toml, require_file, suggestion
+from forestgen.scene.folder_settings import located, shown_settings
 from forestgen.scene.names import prim_names
 from forestgen.scene.paths import Location, scene_root
 from forestgen.scene.tables import DEFAULT_METHOD, CopyTable, Manifest, TreeTable, ViewTable
@@ -166,15 +167,19 @@ def _tree_spec(
     tree: TreeTable, manifest: Manifest, index: int, prim_name: str, location: Location, where: str
 ) -> TreeSpec:
     method_name = tree.method or manifest.scene.method
+    method = located(_configured(method_name, tree.stages, tree.settings, where), location, where)
+    views = _views(tree, location, where)
+    _check_number(views, method, f"method '{method_name}'", where)
+    _check_directions(tree.view, where)
     x, y, z = tree.position
     return TreeSpec(
         name=tree.name,
         prim_name=prim_name,
         height=tree.height,
-        method=_configured(method_name, tree.stages, tree.settings, where),
+        method=method,
         method_name=method_name,
         seed=manifest.scene.seed + index if tree.seed is None else tree.seed,
-        views=_views(tree, location, where),
+        views=views,
         position=(x, y, z),
         heading=math.radians(tree.heading),
         stages=tree.stages,
@@ -194,6 +199,29 @@ def _views(tree: TreeTable, location: Location, where: str) -> tuple[ViewSpec, .
         lacking = "photo" if tree.photo is None else "strokes"
         raise InputError(f"{where}: {lacking} is missing: expected photo and strokes, or one [[tree.view]] a photo")
     return (_view_spec(ViewTable(photo=tree.photo, strokes=tree.strokes), location, f"{where}: "),)
+
+
+def _check_number(views: Sequence[ViewSpec], method: Method, what: str, where: str) -> None:
+    """Raise InputError where a stage of the method takes fewer photos of a tree than there are."""
+    for stage in fields(method):
+        most = getattr(method, stage.name).most_views
+        if most is not None and len(views) > most:
+            raise InputError(
+                f"{where}: view: {what} takes {most} photo{'s' * (most > 1)} of a tree in its stage '{stage.name}',"
+                f" came {len(views)}; give {most}, or choose another method or another '{stage.name}'"
+            )
+
+
+def _check_directions(views: Sequence[ViewTable], where: str) -> None:
+    """Raise InputError where two views look from one direction: the second photo would tell nothing of depth."""
+    first: dict[tuple[float, float], int] = {}
+    for k, view in enumerate(views, 1):
+        direction = (round(view.azimuth % 360, 3) % 360, round(view.elevation, 3))
+        if first.setdefault(direction, k) != k:
+            raise InputError(
+                f"{where}: view[{k}].azimuth: expected another direction than that of view[{first[direction]}],"
+                f" came the same, {view.azimuth:g}; give the degrees by which the camera has moved about the tree"
+            )
 
 
 def _view_spec(view: ViewTable, location: Location, where: str) -> ViewSpec:
@@ -232,7 +260,7 @@ def _tree_entry(tree: TreeSpec, location: Location) -> dict[str, Any]:
         "method": tree.method_name,
         "seed": tree.seed,
         "stages": dict(tree.stages),
-        "settings": {stage.name: asdict(getattr(tree.method, stage.name)) for stage in fields(tree.method)},
+        "settings": shown_settings(tree.method, location),
         "gates": dict(tree.gates),
         "view": [_view_entry(view, location) for view in tree.views],
     }

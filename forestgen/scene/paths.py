@@ -45,6 +45,29 @@ class Location:
         Raises:
             InputError: the path is absolute, climbs above the root, or there is no such file.
         """
+        target = self._below_root(text, where)
+        if fault := file_fault(self.folder / text, what):
+            hint = "; write paths with forward slashes" if "\\" in text else ""
+            raise InputError(f"{where}: {quoted(text)}: {fault}{hint}")
+        return Path(os.path.normpath(self.folder / text)) if self._is_plain(text) else target
+
+    def directory(self, text: str, where: str) -> Path:
+        """The folder that a manifest's path names, resolved.
+
+        Raises:
+            InputError: the path is absolute, climbs above the root, or there is no such folder.
+        """
+        target = self._below_root(text, where)
+        try:
+            is_there = target.is_dir()
+        except OSError:  # a name no folder can have
+            is_there = False
+        if not is_there:
+            raise InputError(f"{where}: {quoted(text)}: expected a folder, but there is none; check the path")
+        return target
+
+    def _below_root(self, text: str, where: str) -> Path:
+        """What a manifest's path names, resolved; InputError where that lies outside of the root."""
         as_windows = PureWindowsPath(text)
         if not text or PurePosixPath(text).is_absolute() or as_windows.is_absolute() or as_windows.drive:
             raise InputError(f"{where}: expected a path relative to the manifest, came {quoted(text)}")
@@ -62,10 +85,7 @@ class Location:
             raise InputError(f"{where}: {quoted(text)} cannot be followed: {error}") from error
         if not target.is_relative_to(self.root):
             raise self._leaves(text, where)
-        if fault := file_fault(self.folder / text, what):
-            hint = "; write paths with forward slashes" if "\\" in text else ""
-            raise InputError(f"{where}: {quoted(text)}: {fault}{hint}")
-        return Path(os.path.normpath(self.folder / text)) if self._is_plain(text) else target
+        return target
 
     def shown(self, path: Path) -> str:
         """A path below the root, relative to it, for what is written to files."""

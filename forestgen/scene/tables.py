@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Le, Len, Predicate
+from annotated_types import Ge, Gt, Le, Len, MaxLen, Predicate
 from pydantic import Field
 
 from forestgen.reading import Table
@@ -74,7 +74,9 @@ class TreeTable(Table):
     )
     photo: str | None = Field(default=None, description=PHOTO)
     strokes: str | None = Field(default=None, description=STROKES)
-    view: list[ViewTable] = Field(default=[], description="tables in double brackets, [[tree.view]]")
+    view: Annotated[list[ViewTable], MaxLen(99)] = Field(
+        default=[], description="tables in double brackets, [[tree.view]], 99 at most"
+    )
     position: Annotated[list[Metres], Len(3, 3)] = Field(default=[0.0, 0.0, 0.0], description=POSITION)
     heading: Degrees = Field(default=0.0, description=HEADING)
     method: str | None = Field(default=None, description=METHOD)

@@ -3,11 +3,33 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+
+from forestgen.tree.methods import METHODS
+from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.strategy import Strategy
+from forestgen.tree.view import View
+from tests.scene.manifests import MANY_VIEWS
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiftOfMany(Strategy):
+    """A lifter that takes any number of views; no test of this folder builds with it."""
+
+    def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:
+        raise NotImplementedError
+
+
+@pytest.fixture(autouse=True)
+def method_of_many_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A method that takes more than one photo of a tree, whatever the others take."""
+    monkeypatch.setitem(METHODS, MANY_VIEWS, replace(METHODS["tan2008_paper"], lift=LiftOfMany()))
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_dive
 from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
 from forestgen.tree.grow.twigs import grow_twigs, smooth
 from forestgen.tree.skeleton import Skeleton
-from forestgen.tree.strategy import OnStep, Strategy
+from forestgen.tree.strategy import OnStep, Strategy, folder_setting
 from forestgen.tree.view import View
 
 VISIBLE_SPACING = 0.02  # of the height: nodes of visible branches are no farther apart
@@ -45,7 +45,7 @@ class SubtreeReplacement(Strategy):
     n_candidates: int = 6  # "a small set of existing branches" (sec. 3.1): its size is not given
     visible_subtrees: bool = True  # "taking all its subtrees" of the visible branches (sec. 3.1)
     predefined_subtrees: bool = True  # "if there is too few subtrees we add predefined subtrees" (sec. 3.1)
-    library: str = ""  # folder of the user's own subtrees (*.json), beside the others (sec. 3.1: "can be enriched")
+    library: str = folder_setting()  # the user's own subtrees (*.json), beside the others (sec. 3.1: "can be enriched")
     interval: float = 0.025  # of the height; image attractors at "a fixed interval" (sec. 3.2), not given
     near: float = 0.02  # of the height; "too close to some existing branches" (sec. 3.1), not given
     shortest: float = 0.04  # of the height; paper: 0; what is shorter than this is left to the twigs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ class SpreadBranches(Strategy):
     farthest from those already placed. Only depth is chosen: the projection stays what was traced.
     """
 
+    most_views: ClassVar[int | None] = 1
     n_leans: int = 13  # leans tried, evenly from the farthest back to the farthest forward; the papers are silent
     greatest_lean_deg: float = 60.0  # out of the photo's plane: at most half of a branch is foreshortened away
     upward_share: float = 0.35  # depth that a branch gains where it runs along its parent; sideways counts 1
