@@ -1,0 +1,92 @@
+"""Da Vinci's rule: sums at forks by hand and on random trees, and what is measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from forestgen.tree.da_vinci import DaVinci, da_vinci_radius, stem_radius, tips_beyond
+from forestgen.tree.skeleton import Skeleton, n_children
+from tests.tree.skeletons import random_tree
+
+#  3   4
+#   \ /
+#    1   2     every tip is one particle, so a node's area counts the particles above it
+#     \ /
+#      0
+PARENT = np.array([-1, 0, 0, 1, 1])
+POSITION = np.array([[0, 0, 0], [-1, 1, 0], [1, 1, 0], [-2, 2, 0], [0, 2, 0]], float)
+
+
+def unmeasured(skeleton: Skeleton, stem: float = 0.3) -> Skeleton:
+    radius = np.full(len(skeleton), np.nan)
+    radius[0] = stem
+    return Skeleton(skeleton.position, skeleton.parent, radius)
+
+
+def test_da_vinci_counts_the_tips_beyond_each_node() -> None:
+    assert tips_beyond(PARENT).tolist() == [3, 2, 1, 1, 1]
+
+
+def test_da_vinci_adds_cross_sections_at_each_fork() -> None:
+    tips = tips_beyond(PARENT)
+    assert_allclose(da_vinci_radius(PARENT, tips, np.sqrt(3.0)), np.sqrt([3, 2, 1, 1, 1]))
+    assert_allclose(da_vinci_radius(PARENT, tips, 3 ** (1 / 3), exponent=3.0), np.cbrt([3, 2, 1, 1, 1]))
+
+
+@pytest.mark.parametrize(("exponent", "constant"), [(2.0, 1.0), (2.5, 1.0), (2.0, 1.1)])
+def test_the_sum_holds_at_every_fork_of_a_grown_tree(exponent: float, constant: float) -> None:
+    tree = unmeasured(random_tree(5000, rng=np.random.default_rng(3)))
+    radius = DaVinci(exponent=exponent, constant=constant, measured=False)(tree, []).radius
+    total = np.zeros(len(tree))
+    np.add.at(total, tree.parent[1:], radius[1:] ** exponent)
+    fork = n_children(tree.parent) > 1
+    assert fork.sum() > 100
+    assert_allclose(radius[fork] ** exponent, constant * total[fork], rtol=1e-9)
+    single = np.flatnonzero(~fork[tree.parent[1:]]) + 1
+    assert_allclose(radius[single], radius[tree.parent[single]], rtol=1e-12)
+    assert radius[0] == 0.3
+    assert (radius > 0).all()
+
+
+def test_all_tips_of_the_printed_rule_are_alike() -> None:
+    tree = unmeasured(random_tree(3000, rng=np.random.default_rng(4)))
+    radius = DaVinci(measured=False)(tree, []).radius
+    tips = radius[n_children(tree.parent) == 0]
+    assert_allclose(tips, 0.3 / np.sqrt(len(tips)), rtol=1e-9)
+
+
+def test_measured_wood_is_no_thicker_than_it_was_measured_and_nothing_grows_outward() -> None:
+    tree = random_tree(2000, rng=np.random.default_rng(5))
+    known = np.random.default_rng(6).random(len(tree)) < 0.3
+    tree = Skeleton(tree.position, tree.parent, np.where(known, 0.8 * tree.radius, np.nan))
+    radius = DaVinci()(tree, []).radius
+    assert (radius[1:] <= radius[tree.parent[1:]] + 1e-15).all()
+    assert (radius[1:][known[1:]] <= tree.radius[1:][known[1:]] + 1e-15).all()
+
+
+def test_applying_the_rule_twice_changes_nothing() -> None:
+    tree = unmeasured(random_tree(500, rng=np.random.default_rng(7)))
+    for rule in (DaVinci(), DaVinci(measured=False)):
+        once = rule(tree, [])
+        assert_allclose(rule(once, []).radius, once.radius, rtol=1e-12)
+
+
+def test_the_stem_is_as_thick_as_it_mostly_was_below_the_first_fork() -> None:
+    position = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0], [-1, 3, 0], [1, 3, 0]], float)
+    tree = Skeleton(position, np.array([-1, 0, 1, 2, 2]), np.array([0.5, 0.2, 0.21, 0.1, np.nan]))
+    assert stem_radius(tree, tips_beyond(tree.parent)) == 0.21  # not the flare at the ground
+    unknown = Skeleton(position, tree.parent, np.full(5, np.nan))
+    assert stem_radius(unknown, tips_beyond(tree.parent)) > 0
+
+
+@pytest.mark.parametrize("fields", [{"exponent": 0.5}, {"constant": 0.9}, {"exponent": float("nan")}])
+def test_senseless_parameters_are_refused(fields: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="expected 1 to"):
+        DaVinci(**fields)  # type: ignore[arg-type]
+
+
+def test_a_single_particle_is_a_stem() -> None:
+    line = Skeleton(POSITION[:2], np.array([-1, 0]), np.array([0.2, np.nan]))
+    assert DaVinci()(line, []).radius.tolist() == [0.2, 0.2]
