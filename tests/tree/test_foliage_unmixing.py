@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_array_equal
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_unmixing import Backdrop, facet, leaf_share, pure_foliage, sky_hue, spread_backdrop
+from forestgen.tree.backdrop import Backdrop, facet, leaf_share, spread_backdrop
+from forestgen.tree.foliage_unmixing import pure_foliage, sky_hue
 from forestgen.tree.leaf_colours import lab_of
 from forestgen.tree.photo import Photo
 from forestgen.tree.view import View
