@@ -16,6 +16,7 @@ from forestgen.tree.segment.contrast import Evidence, contrast_inside_and_ring
 from forestgen.tree.segment.density_paint import paint
 from forestgen.tree.segment.green_red import green_or_red_clusters
 from forestgen.tree.segment.min_cut import min_cut
+from forestgen.tree.segment.open_sky import without_sky
 from forestgen.tree.segment.region import Region, bounding, look_at
 from forestgen.tree.segment.smoothness import edge_costs
 from forestgen.tree.segment.wood import find_wood, follow_limbs, matte
@@ -54,6 +55,8 @@ class GraphCutFoliage(Strategy):
         else:
             is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
         leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
+        if self.rule == "contrast":
+            leaf = without_sky(region, leaf, wood)
         foliage = paint(region.full(leaf, working.size), drawn.density)
         branch = np.minimum(region.full(wood, working.size), 1 - foliage)
         mattes = enlarge(Mattes(foliage, branch), photo.size)

@@ -10,6 +10,7 @@ BAND = 2  # px on either side of the edge where a pixel may be mixed: a lens's b
 NEAR = 3.0  # sigma in px of the neighbourhood whose colours stand for tree and for background
 EDGE_SAY = 0.05  # what the edge's own pixels count, where nothing else is near (a twig two pixels wide)
 TOO_CLOSE = 12 / 255  # colour difference in sRGB below which mixtures cannot be told
+FLECK = 1e-4  # of the crown's area: smaller lone patches of tree are noise; the truth has hardly any
 
 
 def soften(rgb: NDArray[np.float32], is_tree: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region, bounding
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
 from forestgen.tree.segment.smoothness import edge_costs
-from forestgen.tree.segment.soft_edge import soften, without_flecks
+from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
 from forestgen.tree.strokes import Strokes
 
 WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
@@ -32,7 +32,6 @@ LONG = 6.0  # area over squared half width from which a patch is a limb: a bar s
 STRAIGHT = 0.5  # how far a limb's edges run one way (1: parallel)
 STRAIGHT_DETAIL = (1.5, 5.0)  # sigmas in px at which that is seen, of patches that are wider
 FAINT = -50.0  # nats, for what is out of the question
-FLECK = 1e-4  # of the crown's area: smaller lone patches of tree are noise; the truth has hardly any
 SPECK = 3e-5  # of the crown's area: smaller patches of wood off the stroked limbs are shade between leaves
 ENOUGH = 200  # px of plain trunk below the crown that suffice to learn its colours from
 
