@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from forestgen.check import metrics
 from forestgen.errors import InputError
 from forestgen.render import Drawable, Studio
+from forestgen.tree.painted import painted_over
 from forestgen.tree.view import View
 
 HALF = 0.495  # covered from one half of the samples on; half of them is 127/255 on some drivers
@@ -83,8 +84,7 @@ class ViewScore:
 
 def draw(studio: Studio, view: View) -> Drawn:
     """Draw the tree through a view's camera at the photo's size."""
-    colour = studio.colour(view.camera)
-    front = studio.classes(view.camera)
+    colour, front = studio.colour_and_classes(view.camera)
     share = colour[..., 3:]
     return Drawn(
         colour=np.divide(colour[..., :3], share, out=np.zeros_like(colour[..., :3]), where=share > 0),
@@ -98,6 +98,7 @@ def measure(view: View, drawn: Drawn, height: float) -> dict[str, float]:
     """All measures of one view of a tree `height` metres tall; distances as shares of the height."""
     height_px = height * view.camera.px_per_metre
     reference, render = view.mattes.is_tree, drawn.is_tree
+    shown = ~painted_over(view.strokes.density, reference.shape)  # of painted foliage the photo knows no colour
     outer = metrics.envelope(reference, height_px)
     drawn_outer = metrics.envelope(render, height_px)
     crown = np.clip(view.strokes.crown, 0, view.photo.size)
@@ -117,7 +118,12 @@ def measure(view: View, drawn: Drawn, height: float) -> dict[str, float]:
         "gap_recall": metrics.gap_recall(reference, render, outer),
         "density_correlation": metrics.density_correlation(reference, render, box),
         "colour_delta_e": metrics.colour_delta_e(
-            view.photo.rgb.astype(np.float32) / np.float32(255), reference, drawn.colour, render, outer, height_px
+            view.photo.rgb.astype(np.float32) / np.float32(255),
+            reference & shown,
+            drawn.colour,
+            render & shown,
+            outer,
+            height_px,
         ),
     }
 

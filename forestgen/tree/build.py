@@ -14,6 +14,7 @@ import numpy as np
 from forestgen.arrays import stage_rng
 from forestgen.tree.methods import STAGES, Method
 from forestgen.tree.model import TreeModel
+from forestgen.tree.painted import paint
 from forestgen.tree.photo import Photo
 from forestgen.tree.scale import photo_camera
 from forestgen.tree.strokes import Strokes
@@ -86,6 +87,8 @@ def build_tree(
             mattes = method.segment(source.photo, source.strokes, rng=stage_rng(seed, "segment", index))
         with watch.time("trace"):
             branches = method.trace(source.photo, source.strokes, mattes, rng=stage_rng(seed, "trace", index))
+        # after the trace: painted foliage hides no branch from it
+        mattes = paint(mattes, source.strokes.density, rng=stage_rng(seed, "paint", index))
         camera = photo_camera(
             mattes,
             source.strokes,

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.backdrop import Backdrop, leaf_share, spread_backdrop
+from forestgen.tree.painted import painted_over
+from forestgen.tree.painted_colour import dress_painted
 from forestgen.tree.view import View
 
 OPEN = 0.05  # matte below which a pixel is background
@@ -40,10 +42,20 @@ class PureFoliage:
 
 
 def pure_foliage(view: View) -> PureFoliage:
-    """Take the background out of the view's foliage pixels."""
+    """The view's foliage without its background; what was painted there takes a leaf's colour too."""
+    painted = painted_over(view.strokes.density, view.mattes.foliage.shape) & view.mattes.is_foliage
+    seen = view.mattes.is_foliage & ~painted
+    pure = without_background(view, seen)
+    if painted.any():
+        dress_painted(pure.rgb, pure.share, painted, seen)
+    return pure
+
+
+def without_background(view: View, is_foliage: NDArray[np.bool_]) -> PureFoliage:
+    """Take the background out of a view's foliage pixels (H, W)."""
     rgb, share = view.photo.rgb.copy(), np.ones(view.mattes.foliage.shape, np.float32)
     is_open = cv2.erode((view.mattes.foliage + view.mattes.branch < OPEN).astype(np.uint8), np.ones((5, 5), np.uint8))
-    rows, columns = np.nonzero(view.mattes.is_foliage)
+    rows, columns = np.nonzero(is_foliage)
     if not len(rows):
         return PureFoliage(rgb, share)
     margin = int(0.15 * max(np.ptp(rows), np.ptp(columns))) + 8
@@ -52,7 +64,7 @@ def pure_foliage(view: View) -> PureFoliage:
         slice(max(0, columns.min() - margin), columns.max() + margin + 1),
     )
     colour = rgb[part].astype(np.float32) / np.float32(255)
-    inside = view.mattes.is_foliage[part]
+    inside = is_foliage[part]
     if not is_open[part].any():
         return PureFoliage(rgb, share)
     behind = spread_backdrop(colour, is_open[part] > 0)

@@ -13,7 +13,6 @@ from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
 from forestgen.tree.segment.bare import is_bare_crown
 from forestgen.tree.segment.contrast import Evidence, contrast_inside_and_ring
-from forestgen.tree.segment.density_paint import paint
 from forestgen.tree.segment.green_red import green_or_red_clusters
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.open_sky import without_sky
@@ -57,9 +56,7 @@ class GraphCutFoliage(Strategy):
         leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
         if self.rule == "contrast":
             leaf = without_sky(region, leaf, wood)
-        foliage = paint(region.full(leaf, working.size), drawn.density)
-        branch = np.minimum(region.full(wood, working.size), 1 - foliage)
-        mattes = enlarge(Mattes(foliage, branch), photo.size)
+        mattes = enlarge(Mattes(region.full(leaf, working.size), region.full(wood, working.size)), photo.size)
         if not mattes.is_tree.any():
             raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")
         return mattes

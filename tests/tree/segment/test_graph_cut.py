@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from forestgen.arrays import stage_rng
 from forestgen.errors import StageError
@@ -16,7 +16,7 @@ from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo, load_photo
 from forestgen.tree.segment import working_size
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
-from forestgen.tree.strokes import DensityStroke, load_strokes
+from forestgen.tree.strokes import load_strokes
 from tests.tree.segment import scenes
 
 
@@ -82,16 +82,6 @@ def test_mattes_do_not_claim_a_pixel_twice_and_are_soft_at_edges() -> None:
     assert (mattes.foliage + mattes.branch).max() <= 1 + 1e-6
     soft = (mattes.foliage > 0.05) & (mattes.foliage < 0.95)
     assert 0.01 < soft.sum() / mattes.is_foliage.sum() < 0.6
-
-
-def test_painted_density_is_honoured() -> None:
-    scene = scenes.leafy()
-    hole, leaf = np.array([[150.0, 120], [160, 125]]), np.array([[330.0, 60], [340.0, 60]])
-    drawn = replace(scene.strokes, density=(DensityStroke(False, 9, hole), DensityStroke(True, 7, leaf)))
-    mattes = segment(replace(scene, strokes=drawn))
-    assert_allclose(mattes.foliage[118:127, 150:160], 0, atol=0.01)
-    assert_allclose(mattes.foliage[58:62, 330:339], 1, atol=0.01)
-    assert (mattes.foliage + mattes.branch).max() <= 1 + 1e-6
 
 
 def test_same_seed_same_bytes_and_inputs_unchanged() -> None:

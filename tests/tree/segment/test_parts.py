@@ -9,13 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from forestgen.tree.colour_model import Mixture, fit_mixture
 from forestgen.tree.segment.background_field import spread_background
 from forestgen.tree.segment.bare import is_bare_crown
-from forestgen.tree.segment.density_paint import paint
 from forestgen.tree.segment.green_red import most_green_or_red, split_clusters
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.region import bounding, dilations_px, look_at
 from forestgen.tree.segment.soft_edge import soften
 from forestgen.tree.segment.wood import distinct_colours, follow_limbs, share_out
-from forestgen.tree.strokes import DensityStroke
 from tests.tree.segment import scenes
 
 
@@ -73,19 +71,6 @@ def test_soft_edges_leave_masks_alone_where_colours_tell_nothing() -> None:
     mask = np.zeros((20, 20), bool)
     mask[5:15, 5:15] = True
     assert_array_equal(soften(np.full((20, 20, 3), 0.5, np.float32), mask), mask.astype(np.float32))
-
-
-def test_paint_adds_and_removes_in_order() -> None:
-    alpha = np.zeros((40, 40), np.float32)
-    alpha[:, 20:] = 1
-    path = np.array([[10.0, 20], [30, 20]])
-    out = paint(alpha, (DensityStroke(True, 4, path), DensityStroke(False, 2, path)))
-    assert_allclose(out[20, 12:29], 0, atol=0.01)  # removed last
-    assert_allclose(out[16, 12:18], 1, atol=0.01)  # added beside it
-    assert_array_equal(out[5], alpha[5])
-    assert_array_equal(paint(alpha, ()), alpha)
-    dot = paint(alpha, (DensityStroke(True, 3, np.array([[8.0, 8.0]])),))
-    assert dot[8, 8] == 1
 
 
 def test_lines_run_one_way_and_discs_do_not() -> None:
