@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -20,12 +19,11 @@ from forestgen.camera import Camera
 from forestgen.errors import RenderError
 from forestgen.render.drawable import Drawable, extent_along
 from forestgen.render.projection import camera_pose, projection
-from forestgen.render.sunlight import FAR, NEAR, clip_depth, depth_texture, sun_camera, sunlit_renderer
+from forestgen.render.renderer import studio_renderer
+from forestgen.render.sunlight import FAR, NEAR, clip_depth, depth_texture, sun_camera
 from forestgen.tree.model import vertex_normals
 
 REMEDY = "OpenGL without a screen is missing; on Debian: apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
-SHADERS = Path(__file__).parent / "shaders"
-LEAF, WOOD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # codes of the class picture
 
 
 def _pyrender() -> Any:
@@ -49,7 +47,7 @@ def _pyrender() -> Any:
 class Studio:
     """Draws one set of drawables through any number of cameras. Use as a context manager, one at a time.
 
-    Four samples a pixel, each shaded by itself. Pictures come as premultiplied shares: a pixel
+    Four samples a pixel; unlit, each is shaded by itself. Pictures come as premultiplied shares: a pixel
     half covered by white is (0.5, 0.5, 0.5, 0.5).
     """
 
@@ -60,8 +58,7 @@ class Studio:
             self._offscreen = self._pyrender.OffscreenRenderer(16, 16)
         except Exception as error:  # EGL answers with assertions, attribute and GL errors
             raise RenderError(f"{REMEDY} ({type(error).__name__}: {error})") from error
-        self._renderer = self._offscreen._renderer = sunlit_renderer(self._pyrender)
-        self._renderer._program_cache = self._pyrender.shader_program.ShaderProgramCache(shader_dir=str(SHADERS))
+        self._renderer = self._offscreen._renderer = studio_renderer(self._pyrender)
         self._scene = self._pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
         for index, drawable in enumerate(self._drawables):
             self._scene.add(_mesh(self._pyrender, drawable, str(index)))
@@ -81,23 +78,25 @@ class Studio:
 
     def classes(self, camera: Camera) -> NDArray[np.float32]:
         """Shares (H, W, 2) of each pixel where a leaf, and where wood, is in front."""
-        kept = []
-        for material, drawable in self._materials():
-            kept.append((material, material.baseColorFactor, material.emissiveFactor))
-            material.baseColorFactor = np.array([0.0, 0.0, 0.0, drawable.colour[3]])
-            material.emissiveFactor = np.array(LEAF if drawable.is_leaf else WOOD)
+        return self.colour_and_classes(camera)[1]
+
+    def colour_and_classes(self, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What `colour` and `classes` give, drawn at once."""
+        self._renderer.keeps_classes = True
         try:
-            return self._draw(camera, self._pyrender.RenderFlags.FLAT)[0][..., :2]
+            colour, _ = self._draw(camera, self._pyrender.RenderFlags.FLAT)
         finally:
-            for material, base, emissive in kept:
-                material.baseColorFactor, material.emissiveFactor = base, emissive
+            self._renderer.keeps_classes = False
+        classes = self._renderer.classes if self._drawables else np.zeros((*colour.shape[:2], 2), np.uint8)
+        return colour, np.asarray(classes, np.float32) / np.float32(255)
 
     def lit(self, camera: Camera) -> NDArray[np.float32]:
         """Draw in soft studio light, for people: premultiplied sRGB-encoded RGBA (H, W, 4) in [0, 1]."""
         if not self._drawables:
             return self.colour(camera)
         sun = sun_camera(self._drawables, camera)
-        texture = depth_texture(self._pyrender, clip_depth(self._draw(sun, self._pyrender.RenderFlags.FLAT)[1]))
+        depth = self._renderer.shadow_depth(lambda: self._draw(sun, self._pyrender.RenderFlags.FLAT)[1])
+        texture = depth_texture(self._pyrender, clip_depth(depth))
         texture._add_to_context()
         self._renderer.sun_texture = texture
         self._renderer.sun_matrix = self._clip_matrix(sun) @ np.linalg.inv(camera_pose(sun))
@@ -112,10 +111,6 @@ class Studio:
         farthest, nearest = extent_along(self._drawables, camera.axes[2:])[:, 0]
         slack = 0.01 * (nearest - farthest) + 1e-3
         return projection(camera, nearest + slack, farthest - slack)
-
-    def _materials(self) -> list[tuple[Any, Drawable]]:
-        nodes = sorted(self._scene.mesh_nodes, key=lambda node: int(node.mesh.name))
-        return [(node.mesh.primitives[0].material, self._drawables[int(node.mesh.name)]) for node in nodes]
 
     def _draw(self, camera: Camera, flags: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """RGBA (H, W, 4) in [0, 1], and pyrender's depth (H, W)."""

@@ -42,26 +42,3 @@ def depth_texture(pyrender: Any, depth: NDArray[np.float64]) -> Any:
         minFilter=GL_NEAREST, magFilter=GL_NEAREST, wrapS=GL_CLAMP_TO_EDGE, wrapT=GL_CLAMP_TO_EDGE
     )
     return pyrender.Texture(source=rgb, source_channels="RGB", sampler=sampler)
-
-
-def sunlit_renderer(pyrender: Any) -> Any:
-    """A pyrender renderer that gives its lit programs our sun, and draws in the order of the drawables.
-
-    pyrender draws a set of nodes in the order of their addresses: where two surfaces are equally far,
-    another one would win in each run.
-    """
-
-    class SunlitRenderer(pyrender.Renderer):  # type: ignore[misc]
-        sun_texture: Any = None
-        sun_matrix: Any = None  # (4, 4) world to the sun's clip space
-        sun_toward: Any = None  # (3,) unit, towards the sun
-
-        def _sorted_mesh_nodes(self, scene: Any) -> list[Any]:
-            return sorted(scene.mesh_nodes, key=lambda node: int(node.mesh.name))
-
-        def _bind_lighting(self, scene: Any, program: Any, node: Any, flags: int) -> None:
-            self._bind_texture(self.sun_texture, "sun_depth", program)
-            program.set_uniform("sun_matrix", self.sun_matrix)
-            program.set_uniform("sun_toward", self.sun_toward)
-
-    return SunlitRenderer(16, 16)

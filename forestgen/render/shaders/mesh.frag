@@ -1,5 +1,6 @@
 // Studio light: a soft sun with shadows, and a sky that is brighter above and dimmer inside the crown.
-// Every surface is lit from both sides; leaves also let light through.
+// Every surface is lit from both sides; leaves also let light through. Light is found once a pixel, what is
+// cut out once a sample.
 #version 410 core
 struct Material {
     vec4 base_color_factor;
@@ -13,12 +14,13 @@ uniform Material material;
 uniform mat4 V;
 uniform vec3 sun_toward;
 uniform sampler2D sun_depth;  // clip depth in 16 bits, red the upper eight
-sample in vec2 uv;
+in vec2 uv;
 in vec3 world_normal;
 in vec3 sun_place;
 out vec4 colour;
 
-const int TAPS = 2;           // of the shadow map, each sample; a pixel has four samples
+const int SAMPLES = 4;
+const int TAPS = 8;           // of the shadow map
 const float SPREAD = 0.012;   // radius of the penumbra, share of the map
 const float BIAS = 0.006;     // share of the depth range
 
@@ -30,9 +32,8 @@ vec2 light_that_arrives() {
     float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
     float open = 0.0, inside = 0.0;
     for (int k = 0; k < TAPS; ++k) {
-        float tap = float(TAPS * gl_SampleID + k);
-        float angle = turn + 2.3999632 * tap;
-        vec2 step_aside = SPREAD * sqrt((tap + 0.5) / (4.0 * float(TAPS))) * vec2(cos(angle), sin(angle));
+        float angle = turn + 2.3999632 * float(k);
+        vec2 step_aside = SPREAD * sqrt((float(k) + 0.5) / float(TAPS)) * vec2(cos(angle), sin(angle));
         float first = dot(texture(sun_depth, sun_place.xy + step_aside).rg, vec2(256.0, 1.0)) * 255.0 / 65535.0;
         float behind = sun_place.z - BIAS - first;
         open += behind <= 0.0 ? 1.0 : 0.0;
@@ -41,13 +42,29 @@ vec2 light_that_arrives() {
     return vec2(open, 0.0) / float(TAPS) + vec2(0.0, exp(-3.0 * inside / float(TAPS)));
 }
 
+// The samples, a bit each, where alpha reaches the threshold.
+// Alpha is read from the texture's full resolution: smaller mip levels would thicken or thin leaves.
+int samples_there(float alpha) {
+#ifdef HAS_BASE_COLOR_TEX
+    int there = 0;
+    for (int k = 0; k < SAMPLES; ++k) {
+        vec2 place = interpolateAtSample(uv, k);
+        if (alpha * textureLod(material.base_color_texture, place, 0.0).a >= material.metallic_factor) there |= 1 << k;
+    }
+    return there;
+#else
+    return alpha < material.metallic_factor ? 0 : ~0;
+#endif
+}
+
 void main() {
     vec4 base = material.base_color_factor;
+    int there = samples_there(base.a);
+    if (there == 0) discard;
+    gl_SampleMask[0] = there;
 #ifdef HAS_BASE_COLOR_TEX
     base.rgb *= texture(material.base_color_texture, uv).rgb;
-    base.a *= textureLod(material.base_color_texture, uv, 0.0).a;
 #endif
-    if (base.a < material.metallic_factor) discard;
     vec3 n = normalize(world_normal);
     if (dot(n, transpose(mat3(V)) * vec3(0.0, 0.0, 1.0)) < 0.0) n = -n;
     float facing = dot(n, sun_toward);

@@ -14,7 +14,7 @@ uniform mat4 V;
 uniform mat4 P;
 uniform mat4 sun_matrix;
 
-sample out vec2 uv;
+out vec2 uv;
 out vec3 world_normal;
 out vec3 sun_place;         // in the shadow map, [0, 1]
 
