@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from forestgen.tree.colour_model import ENOUGH_SAMPLES, Mixture, component_distance, fit_mixture
+from forestgen.tree.segment.line_search import on_lines
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region, bounding
@@ -121,7 +122,8 @@ def find_wood(
     other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
     hidden = np.where(on_limb, UNDER_LEAVES, ELSEWHERE)
     off_limb = np.full(len(rgb), FAINT, np.float32) if wood is None else wood.log_density(rgb)
-    colour = np.where(on_limb, limbs.colours.log_density(rgb), off_limb)
+    like_limbs = limbs.colours.log_density(rgb)
+    colour = np.where(on_limb, like_limbs, off_limb)
     says[inside] = colour - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
     ribbon = limbs.is_limb & ~inside
     says[ribbon] = CLIP
@@ -129,7 +131,10 @@ def find_wood(
     votes = np.clip(says[window], -CLIP, CLIP)
     found = np.zeros_like(inside)
     found[window] = min_cut(np.maximum(-votes, 0), np.maximum(votes, 0), *edge_costs(region.rgb[window], SMOOTH, GUARD))
-    return ribbon | _like_limbs(found & inside, region, limbs) | _forks(found & beside, ribbon, is_tree)
+    on_line = np.full(inside.shape, -CLIP, np.float32)
+    on_line[inside] = like_limbs - other
+    lines = on_lines(on_line, is_tree, region.size_px)
+    return ribbon | _like_limbs(found & inside, region, limbs) | lines | _forks(found & beside, ribbon, is_tree)
 
 
 def _leaf_colours(region: Region, is_tree: NDArray[np.bool_], limbs: Limbs, rng: np.random.Generator) -> Mixture | None:
