@@ -110,12 +110,12 @@ def truth_table(report: Mapping[str, Any], scored: Mapping[str, Mapping[str, Any
     }
     trees = {tree["name"]: tree for tree in report["trees"]}
     rows = [[name, *(column(name) for column in columns.values())] for name in trees if name in scored]
-    means = _means(rows)
+    means = column_means(rows)
     wanted = ["target", 0.93, 0.5, None, 0.6, None, None, -0.02]
     return markdown(["tree", *columns], [*rows, ["**mean**", *means], wanted])
 
 
-def _means(rows: Sequence[Sequence[Any]]) -> list[float | None]:
+def column_means(rows: Sequence[Sequence[Any]]) -> list[float | None]:
     columns = list(zip(*rows, strict=True))[1:]
     return [fmean(known) if (known := [v for v in column if v is not None]) else None for column in columns]
 

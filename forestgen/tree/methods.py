@@ -16,10 +16,14 @@ from forestgen.errors import InputError
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.bark import BarkFromPhoto
 from forestgen.tree.contracts import MakeAtlas, MakeBark, MakeMesh, PlaceLeaves, Radius
+from forestgen.tree.da_vinci import DaVinci
 from forestgen.tree.foliage import LeavesAlongBranches
 from forestgen.tree.grow import Grow
+from forestgen.tree.grow.phyllotaxis import PhyllotaxisTwigs
 from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
+from forestgen.tree.leaves_by_density import LeavesByDensity
 from forestgen.tree.lift import Lift
+from forestgen.tree.lift.particle_flow import ParticleFlow
 from forestgen.tree.lift.spread_branches import SpreadBranches
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.radius import ConstantRatio, MeasuredTaper
@@ -72,20 +76,31 @@ TAN_2008_PAPER = replace(
         inside=1.0,
     ),
 )
-METHODS = {"tan2008": TAN_2008, "tan2008_paper": TAN_2008_PAPER}
+NEUBERT_2007 = replace(
+    TAN_2008,
+    lift=ParticleFlow(),
+    grow=PhyllotaxisTwigs(),
+    radius=DaVinci(),
+    leaves=LeavesByDensity(),
+)
+METHODS = {
+    "tan2008": TAN_2008,
+    "tan2008_paper": TAN_2008_PAPER,
+    "neubert2007": NEUBERT_2007,
+}
 
 STAGES = tuple(field.name for field in fields(Method))
 
 STRATEGIES: Mapping[str, Mapping[str, Any]] = {
     "segment": {"graph_cut": GraphCutFoliage()},
     "trace": {"circle_tracing": CircleTracing(), "smooth_paths": SmoothPaths()},
-    "lift": {"spread_branches": SpreadBranches()},
-    "grow": {"subtree_replacement": SubtreeReplacement()},
-    "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper()},
+    "lift": {"spread_branches": SpreadBranches(), "particle_flow": ParticleFlow()},
+    "grow": {"subtree_replacement": SubtreeReplacement(), "phyllotaxis": PhyllotaxisTwigs()},
+    "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper(), "da_vinci": DaVinci()},
     "bark": {"from_photo": BarkFromPhoto()},
     "mesh": {"generalised_cylinders": GeneralisedCylinders()},
     "atlas": {"from_photo": LeafAtlasFromPhoto()},
-    "leaves": {"along_branches": LeavesAlongBranches()},
+    "leaves": {"along_branches": LeavesAlongBranches(), "by_density": LeavesByDensity()},
 }
 
 
