@@ -7,7 +7,7 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
@@ -104,6 +104,67 @@ def check(
 
 
 @app.command()
+def vary(
+    tree: Annotated[Path, typer.Argument(help="The folder of a tree that a build wrote: OUT/trees/NAME.")],
+    seeds: Annotated[int, typer.Option(min=1, max=64, help="How many variations to grow.")] = 8,
+    root: Annotated[Path | None, typer.Option(help="The scene's root folder, where a setting names a folder.")] = None,
+    jobs: Jobs = 0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Grow a tree anew from other seeds: assets and a contact sheet below its folder."""
+    _start_logging(verbose)
+    from forestgen.variation import STEPS, read_tree, vary_tree
+
+    first = read_tree(tree).seed + 1
+    names = [f"seed {seed}" for seed in range(first, first + seeds)]
+    with _progress(names, quiet or as_json or verbose, STEPS) as on_progress:
+        made = vary_tree(tree, seeds, root=root, jobs=_n_workers(jobs), on_progress=on_progress)
+    if as_json:
+        print(json.dumps(made, indent=1))
+    elif not quiet:
+        for one in made["variations"]:
+            print(f"seed {one['seed']:<6} {tree / one['asset'] if 'asset' in one else one['error']}")
+        print(f"{'sheet':11} {tree / made['sheet']}")
+    if not made["passed"]:
+        raise typer.Exit(GATE_FAILED)
+
+
+@app.command()
+def grow(
+    tree: Annotated[Path, typer.Argument(help="The folder of a tree that a build wrote: OUT/trees/NAME.")],
+    frames: Annotated[int, typer.Option(help="Length of the film.")] = 180,
+    fps: Annotated[float, typer.Option(help="Frames a second.")] = 24.0,
+    mode: Annotated[
+        str, typer.Option(help="all: thickness, size and order; none: no scaling; scale: only that.")
+    ] = "all",
+    tropism: Annotated[float, typer.Option(help="Degrees a branch bends in its life; above 0 it lifts.")] = -7.0,
+    tolerance: Annotated[float, typer.Option(help="How far samples may stray, as a share of the height.")] = 0.01,
+    every_frame: Annotated[bool, typer.Option("--every-frame", help="Write a sample for each frame.")] = False,
+    film: Annotated[bool, typer.Option(help="Draw the report's film strip and preview, and check again.")] = True,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Add its growth over time to a tree's asset, as a variant; any method's tree can grow."""
+    _start_logging(verbose)
+    from forestgen.growing import grow_and_show
+    from forestgen.tree.growth import Growth
+
+    growth = Growth(mode=mode, tropism_deg=tropism)
+    with _progress([tree.name], quiet or as_json or verbose, ("grow", "film", "check")) as on_progress:
+        made = grow_and_show(
+            tree, growth, frames=frames, fps=fps, tolerance=tolerance, every_frame=every_frame, film=film,
+            on_progress=on_progress,
+        )  # fmt: skip
+    if as_json:
+        print(json.dumps(made.summary(), indent=1))
+    elif not quiet:
+        print(made.words())
+
+
+@app.command()
 def summary(outs: Annotated[list[Path], typer.Argument(help="Folders that builds wrote.")]) -> None:
     """Print the table of trees, scores and seconds of earlier builds."""
     _finish(outs, quiet=False, as_json=False)
@@ -193,15 +254,15 @@ def _n_workers(jobs: int) -> int:
 
 
 @contextmanager
-def _progress(names: list[str], is_silent: bool) -> Iterator[OnProgress | None]:
-    """Show progress on stderr, unless nobody wants it."""
+def _progress(names: list[str], is_silent: bool, steps: Sequence[str] | None = None) -> Iterator[OnProgress | None]:
+    """Show progress on stderr, in the steps of a build or others, unless nobody wants it."""
     if is_silent:
         yield None
         return
     from forestgen.pipeline import STEPS
     from forestgen.progress import shown_progress
 
-    with shown_progress(names, STEPS, _console(stderr=True)) as on_progress:
+    with shown_progress(names, steps or STEPS, _console(stderr=True)) as on_progress:
         yield on_progress
 
 

@@ -29,6 +29,8 @@ LAYERS = [
     "doctor",
     "build_record",
     "pipeline",
+    "growing",
+    "variation",
     "cli",
 ]
 
