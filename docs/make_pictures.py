@@ -19,15 +19,17 @@ from forestgen.render import Studio, frame_camera
 from forestgen.usd.read import read_drawables
 
 Picture = NDArray[np.uint8]
-WIDTH, HEIGHT = 1500, 470  # of the panorama, px
+WIDTH, HEIGHT = 1500, 405  # of the panorama, px
 ROW = 430  # height of the upper row, px
 LIT = 0.86, 0.90, 0.95  # sky at the horizon, sRGB
 
 
-def over_sky(rgba: NDArray[np.float32]) -> Picture:
-    """A premultiplied picture (H, W, 4) laid over a pale sky."""
+def over_sky(rgba: NDArray[np.float32], between: NDArray[np.float32] | None = None) -> Picture:
+    """A premultiplied picture (H, W, 4) laid over another one, where it is given, and over a pale sky."""
     fade = np.linspace(0.72, 1.0, len(rgba), dtype=np.float32)[:, None, None]
     sky = np.array(LIT, np.float32) * fade + (1 - fade)
+    if between is not None:
+        sky = between[..., :3] + sky * (1 - between[..., 3:])
     return np.asarray(np.round(np.clip(rgba[..., :3] + sky * (1 - rgba[..., 3:]), 0, 1) * 255), np.uint8)
 
 
@@ -58,12 +60,29 @@ def panorama(stage: Path, middle: tuple[float, float], reach: float) -> Picture:
     per_metre = WIDTH / reach
     at = Camera((WIDTH, HEIGHT), (0.0, 0.0), per_metre, 0.0, np.radians(7))
     right, up, toward = at.axes @ np.array([middle[0], 5.5, middle[1]])
-    shift = np.array([WIDTH / 2 - right * per_metre, HEIGHT / 2 + up * per_metre])
+    shift = np.array([WIDTH / 2 - right * per_metre, 0.58 * HEIGHT + up * per_metre])
     camera = Camera(
         (WIDTH, HEIGHT), (shift[0], shift[1]), per_metre, 0.0, np.radians(7), (distance + toward) * per_metre
     )
-    with Studio(read_drawables(stage)) as studio:
-        return over_sky(studio.lit(camera))
+    drawables = read_drawables(stage)
+    with Studio(drawables) as studio:
+        picture = studio.lit(camera)
+    ground = next(drawable for drawable in drawables if "/ground/" in drawable.name)
+    return over_sky(picture, whole_ground(picture, camera, ground.points))
+
+
+def whole_ground(picture: NDArray[np.float32], camera: Camera, corners: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Ground (H, 1, 4), premultiplied, for all that the stage's with its corners (4, 3) leaves open.
+
+    It has the mean colour of the nearest that is seen, and fades from the far edge to the horizon.
+    """
+    beyond = np.geomspace(1, 2000, 400) - 1  # m behind the far edge
+    row = camera.project(np.column_stack([np.zeros((400, 2)), corners[:, 2].min() - beyond]))[:, 1]
+    at = np.arange(len(picture)) + 0.5
+    alpha = np.where(at > row.min(), np.interp(at, row[::-1], np.exp(-beyond / 60)[::-1]), 0)[:, None, None]
+    near = picture[-25:].reshape(-1, 4)
+    colour = near[near[:, 3] > 0.99].mean(axis=0)
+    return np.asarray(colour * alpha, np.float32)
 
 
 def main(out: Path, folder: Path, tree: str = "oak_summer") -> None:
