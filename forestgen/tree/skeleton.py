@@ -23,13 +23,6 @@ def n_children(parent: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.bincount(parent[1:], minlength=len(parent)).astype(np.int64)
 
 
-def children_of(parent: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Indices of the children of each node, in rising order."""
-    order = np.argsort(parent[1:], kind="stable") + 1
-    cuts = np.searchsorted(parent[order], np.arange(len(parent)))
-    return [np.asarray(part) for part in np.split(order, cuts[1:])]
-
-
 def path_length(position: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.float64]:
     """Length along the branches from the root to each node (N,), in the units of position."""
     length = np.zeros(len(parent))

@@ -10,7 +10,6 @@ from forestgen.tree.branches import BranchGraph
 from forestgen.tree.skeleton import (
     Skeleton,
     branch_order,
-    children_of,
     height_above_tips,
     is_topological,
     main_child,
@@ -30,8 +29,6 @@ POSITION = np.array([[0, 0, 0], [0, 2, 0], [0, 3, 0], [-3, 2, 0], [0, 3, 1], [0,
 
 def test_children() -> None:
     assert_array_equal(n_children(PARENT), [1, 2, 2, 0, 0, 0])
-    assert [list(part) for part in children_of(PARENT)] == [[1], [2, 3], [4, 5], [], [], []]
-    assert [list(part) for part in children_of(np.array([-1]))] == [[]]
 
 
 def test_path_length_adds_up_from_the_root() -> None:
