@@ -30,10 +30,10 @@ class DensityVolume:
         """Which voxels (I, J, K) hold anything."""
         return self.alpha > 0
 
-    def centres(self) -> NDArray[np.float64]:
-        """Middles (I * J * K, 3) of the voxels, metres, in the order of `alpha.ravel()`."""
-        cells = np.stack(np.meshgrid(*[np.arange(n) for n in self.alpha.shape], indexing="ij"), axis=-1)
-        return self.low + (cells.reshape(-1, 3) + 0.5) * self.edge
+    def centres(self, wanted: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+        """Middles (N, 3) of all voxels, or of the wanted ones (I, J, K), metres, in the order of `alpha.ravel()`."""
+        wanted = np.ones(self.alpha.shape, bool) if wanted is None else wanted
+        return np.column_stack([self.low[k] + (cell + 0.5) * self.edge for k, cell in enumerate(np.nonzero(wanted))])
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Opacity (N,) of the voxels that hold points (N, 3); 0 outside the grid."""

@@ -27,7 +27,7 @@ from forestgen.tree.density_rays import Raster, rasterise
 CLOSE = 0.02  # of the height: gaps narrower than twice this are leaves apart, not holes (as the measures have it)
 EVEN = 0.02  # of the height: sigma of the roundness in space; lobes of two outlines do not meet to the voxel
 ASTRAY = 0.03  # of the height: so far may silhouettes contradict each other (perspective, sway, a hand's scale)
-THIN = 0.1  # of a square: wood that fills no square keeps those that it fills most
+THIN = 0.1  # of a square: wood thinner than a square keeps those that it fills most
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round tells the depth
 
 
@@ -70,11 +70,17 @@ def _silhouette(inside: NDArray[np.bool_], raster: Raster, tolerance: float) -> 
 
 
 def _thin_or_half(share: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Squares (R, C) that are half covered, and the fullest across anything thinner than a square."""
+    """Squares (R, C) that are half covered, and the fullest across anything thinner than a square that leads on."""
     padded = np.pad(share, 1)
     left, right, above, below = padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]
-    is_peak = ((share >= left) & (share > right)) | ((share >= above) & (share > below))
-    return np.asarray((share >= 0.5) | ((share >= THIN) & is_peak))
+    is_upright = (share >= left) & (share > right) & ~_is_end(above, below)
+    is_flat = (share >= above) & (share > below) & ~_is_end(left, right)
+    return np.asarray((share >= 0.5) | ((share >= THIN) & (is_upright | is_flat)))
+
+
+def _is_end(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether something full lies on one side and nothing on the other: a rim, not a thin part."""
+    return ((before >= 0.5) & (after < THIN)) | ((after >= 0.5) & (before < THIN))
 
 
 def close(mask: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
@@ -122,20 +128,25 @@ def row_share(height: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def shape_crown(silhouettes: Sequence[Silhouette], grid: DensityVolume, height: float) -> NDArray[np.bool_]:
     """Which voxels (I, J, K) belong to the tree."""
-    points = grid.centres()
-    inner = np.stack([s.roundness.at(points, outside=-np.inf) for s in silhouettes])
+    points, voxel = grid.centres(), np.arange(grid.alpha.size)
+    inner = np.zeros((0, grid.alpha.size))
+    for s in silhouettes:
+        found = s.roundness.at(points, outside=-np.inf)
+        near = found > -1
+        points, voxel, inner = points[near], voxel[near], np.vstack([inner, found])[:, near]
     least = inner.min(axis=0)
-    in_hull = least > 0
     weight = across_weights([s.roundness.camera for s in silhouettes])
-    solid = np.zeros(len(points))  # 1 on an ellipse's rim, 2 on its axis
-    solid[in_hull] = 2 - weight @ (1 - inner[:, in_hull])
-    solid = gaussian_filter(solid.reshape(grid.alpha.shape), EVEN * height / grid.edge, mode="constant").ravel()
-    filled = in_hull & (solid >= 1)
-    rank = np.where(in_hull, solid, np.where(least > -1, least - 1, -np.inf))
+    solid = np.zeros(grid.alpha.shape)  # 1 on an ellipse's rim, 2 on its axis
+    solid.flat[voxel] = np.where(least > 0, 2 - weight @ (1 - inner), 0.0)
+    solid = gaussian_filter(solid, EVEN * height / grid.edge, mode="constant")
+    rank = np.where(least > 0, solid.flat[voxel], least - 1)
+    filled = rank >= 1
     for s in silhouettes:
         if s.is_seen:
             filled |= likeliest(s.is_tree, points, filled, rank)
-    return np.asarray(filled.reshape(grid.alpha.shape))
+    crown = np.zeros(grid.alpha.shape, bool)
+    crown.flat[voxel] = filled
+    return crown
 
 
 def likeliest(
@@ -145,7 +156,7 @@ def likeliest(
     square, inside = is_tree.nearest(points)
     is_open = is_tree.value.ravel() > 0
     is_open[square[filled & inside]] = False
-    able = np.flatnonzero(inside & is_open[square] & np.isfinite(rank))
+    able = np.flatnonzero(inside & is_open[square])
     best = np.full(is_open.size, -np.inf)
     np.maximum.at(best, square[able], rank[able])
     chosen = np.zeros(len(points), bool)
