@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from forestgen.check.album import Album, draw_portraits, view_report
+from forestgen.check.film import film_pictures
 from forestgen.check.reference import read_provenance, read_views
 from forestgen.check.report import TreeReport
 from forestgen.check.score import Gates, count, make_gates, score_views
@@ -78,6 +79,7 @@ def check_tree(job: CheckJob) -> TreeReport:
             for index, (view, score) in enumerate(zip(views, scores, strict=True))
         )
         portraits = draw_portraits(album, studio, drawables, provenance.name)
+    film = film_pictures(job.out / REPORT / job.prim_name, album.folder, album.href, provenance.name)
     is_tip = n_children(provenance.skeleton.parent) == 0
     return TreeReport(
         name=job.name,
@@ -90,6 +92,7 @@ def check_tree(job: CheckJob) -> TreeReport:
         costs={name: cost.tolist() for name, cost in provenance.costs.items()},
         notes=provenance.notes,
         pictures=portraits,
+        film=film,
     )
 
 

@@ -60,6 +60,7 @@ class TreeReport:
     costs: Mapping[str, Sequence[float]] | None = None
     notes: tuple[str, ...] = ()
     pictures: tuple[PictureFile, ...] = ()  # of the tree from other sides
+    film: tuple[PictureFile, ...] = ()  # of its growth, where `forestgen grow` made one
     error: str | None = None
 
     @property

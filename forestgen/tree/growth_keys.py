@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.growth import Anchors, GrowingTree
-from forestgen.tree.growth_leaves import opened
+from forestgen.tree.growth_leaves import opened, width
 
 COUNTS = (6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 60, 80, 100, 120)  # keys that are tried, fewest first
+BIRTHS = 500  # times of birth for which leaves are followed
 MOST_PROBES = 187  # frames at which the error is measured
 
 
@@ -78,8 +79,9 @@ def wood_error(track: NDArray[np.float32], probe: NDArray[np.int64], keys: NDArr
 
 
 def leaf_error(tree: GrowingTree, times: NDArray[np.float64], keys: NDArray[np.float64]) -> float:
-    """How far a leaf's length strays, in shares of its last, from straight lines between key times (K,)."""
-    born = np.linspace(0, float(tree.birth.max()), 64)
+    """How far a leaf's length and width stray, in shares of their last, from straight lines between key times (K,)."""
+    born = np.linspace(0, float(tree.birth.max()), BIRTHS)
     length = np.array([opened(tree, born, float(time)) for time in times])
-    between = np.array([np.interp(times, keys, np.interp(keys, times, one)) for one in length.T]).T
-    return float(np.abs(length - between).max())
+    size = np.concatenate([length, width(length)], axis=1)
+    between = np.array([np.interp(times, keys, np.interp(keys, times, one)) for one in size.T]).T
+    return float(np.abs(size - between).max())

@@ -31,7 +31,7 @@ class GrowingLeaves:
     def scale_at(self, tree: GrowingTree, time: float) -> NDArray[np.float32]:
         """The leaves' scales (L, 3): a bud is narrow; 0 before it shows. A leaf is no smaller on a small tree."""
         x = opened(tree, self.born, time)
-        wide = x * (BUD_WIDTH + (1 - BUD_WIDTH) * x)
+        wide = width(x)
         whole = 1.0 if tree.mode.is_ordered else tree.size(time)
         return np.asarray(whole * self.scale * np.stack([wide, x, wide], axis=1), np.float32)
 
@@ -50,6 +50,11 @@ def opened(tree: GrowingTree, born: NDArray[np.float64], time: float) -> NDArray
         return np.ones(len(born))
     x = np.clip((time - born) / tree.unfolding, 0, 1)
     return np.asarray(x * x * (3 - 2 * x))
+
+
+def width(openness: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share (L,) of its last width and depth that a leaf so far open has."""
+    return openness * (BUD_WIDTH + (1 - BUD_WIDTH) * openness)
 
 
 def bound_leaves(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,16 +36,39 @@ def read_drawables(path: Path, prim_path: str | None = None) -> list[Drawable]:
     Raises:
         InputError: the stage, a layer, a texture or the prim is missing, or geometry is broken.
     """
+    stage = _composed(path)
+    root = stage.GetPrimAtPath(prim_path) if prim_path else stage.GetPseudoRoot()
+    if not root:
+        raise InputError(f"{path}: there is no prim {prim_path}")
+    return _drawables(_Reader(stage), root)
+
+
+def read_film(path: Path, times: Iterable[float]) -> Iterator[list[Drawable]]:
+    """Open a stage and give what it shows at one time code after another, as `read_drawables` does.
+
+    Raises:
+        InputError: as `read_drawables`.
+    """
+    stage = _composed(path)
+    surfaces: dict[str, Surface] = {}
+    for time in times:
+        reader = _Reader(stage, Usd.TimeCode(time))
+        reader.surfaces = surfaces
+        yield _drawables(reader, stage.GetPseudoRoot())
+
+
+def _composed(path: Path) -> Usd.Stage:
+    """An open stage of which every layer was found."""
     stage = open_stage(path)
     errors = stage.GetCompositionErrors()
     if errors:
         raise InputError(f"{path}: {errors[0]}")
-    root = stage.GetPrimAtPath(prim_path) if prim_path else stage.GetPseudoRoot()
-    if not root:
-        raise InputError(f"{path}: there is no prim {prim_path}")
-    found = _Reader(stage).below_world(root)
-    world = _to_metres_y_up(stage)
-    return [_with_places(drawable, world @ places) for drawable, places in _merge(found)]
+    return stage
+
+
+def _drawables(reader: _Reader, root: Usd.Prim) -> list[Drawable]:
+    world = _to_metres_y_up(reader.stage)
+    return [_with_places(drawable, world @ places) for drawable, places in _merge(reader.below_world(root))]
 
 
 def is_foliage(prim: Usd.Prim, material: str) -> bool:
@@ -63,9 +86,10 @@ def is_foliage(prim: Usd.Prim, material: str) -> bool:
 class _Reader:
     """One pass over one stage; remembers surfaces and what was found below each instanced prototype."""
 
-    def __init__(self, stage: Usd.Stage) -> None:
+    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode | None = None) -> None:
         self.stage = stage
-        self.time = Usd.TimeCode(stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
+        last = Usd.TimeCode(stage.GetEndTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
+        self.time = last if time is None else time
         self.surfaces: dict[str, Surface] = {}
         self.instances: dict[tuple[str, str], Placed] = {}
         self.xforms = UsdGeom.XformCache(self.time)
