@@ -81,6 +81,15 @@ def solve(
     return DensityVolume(refined, grid.low, grid.edge)
 
 
+def density_steps(
+    views: Sequence[View], *, resolution: int = 25, prior: bool = False
+) -> tuple[DensityVolume, DensityVolume, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """What figure 3 shows: the first guess, the refined volume, and per view the squares seen and drawn (R, C)."""
+    first = estimate_density(views, resolution=resolution, refine=False, prior=prior)
+    refined = estimate_density(views, resolution=resolution, prior=prior)
+    return first, refined, [seen_and_drawn(refined, view) for view in views]
+
+
 def density_residual(volume: DensityVolume, views: Sequence[View]) -> NDArray[np.float64]:
     """Per view (V,) the RMS difference of coverage between photo and volume, over the squares where either shows."""
     return np.array([_rms(*seen_and_drawn(volume, view)) for view in views])

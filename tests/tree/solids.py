@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,8 +15,9 @@ from forestgen.camera import Camera
 from forestgen.tree.branches import BranchGraph
 from forestgen.tree.density import DensityVolume
 from forestgen.tree.mattes import Mattes
-from forestgen.tree.photo import Photo
-from forestgen.tree.strokes import Strokes
+from forestgen.tree.photo import Photo, load_photo
+from forestgen.tree.scale import photo_camera
+from forestgen.tree.strokes import Strokes, load_strokes
 from forestgen.tree.view import View
 
 Solid = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
@@ -80,3 +83,31 @@ def volume_iou(volume: DensityVolume, *solids: Solid) -> float:
     truth = np.any([solid(volume.centres()) for solid in solids], axis=0)
     filled = volume.is_filled.ravel()
     return float((truth & filled).sum() / (truth | filled).sum())
+
+
+def drawn(volume: DensityVolume, seen_by: Camera) -> NDArray[np.bool_]:
+    """Pixels (H, W) that the filled voxels cover."""
+    half = 0.5 * volume.edge * seen_by.px_per_metre * np.abs(seen_by.axes[:2]).sum(axis=1)
+    xy = seen_by.project(volume.centres(volume.is_filled))
+    left, top = np.clip(np.rint(xy - half), 0, seen_by.size).astype(int).T
+    right, bottom = np.clip(np.rint(xy + half), 0, seen_by.size).astype(int).T
+    steps = np.zeros((seen_by.size[1] + 1, seen_by.size[0] + 1), int)
+    for row, column, step in ((top, left, 1), (top, right, -1), (bottom, left, -1), (bottom, right, 1)):
+        np.add.at(steps, (row, column), step)
+    return np.asarray(steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0)
+
+
+def true_views(folder: Path) -> list[View]:
+    """Views of a ground-truth tree with the true masks as mattes."""
+    height = json.loads((folder / "truth.json").read_text())["height_m"]
+    views = []
+    for azimuth in (0, 90):
+        photo = load_photo(folder / f"photo_az{azimuth:03d}.jpg")
+        strokes = load_strokes(folder / f"strokes_az{azimuth:03d}.json", photo.size)
+        true = cv2.imread(str(folder / f"photo_az{azimuth:03d}_mask.png")).astype(np.float32) / np.float32(255)
+        mattes = Mattes(true[..., 2], true[..., 1])
+        graph = BranchGraph(strokes.branches[0][:2], np.array([-1, 0]), np.ones(2))
+        views.append(
+            View(photo, strokes, mattes, graph, photo_camera(mattes, strokes, height, azimuth=np.deg2rad(azimuth)))
+        )
+    return views

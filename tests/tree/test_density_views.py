@@ -12,30 +12,31 @@ import pytest
 from forestgen.camera import Camera
 from forestgen.check.metrics import envelope, iou
 from forestgen.errors import StageError
-from forestgen.tree.branches import BranchGraph
 from forestgen.tree.density import DensityVolume
-from forestgen.tree.density_rays import rasterise
-from forestgen.tree.density_views import density_residual, estimate_density, mean_seen, seen_and_drawn, view_density
-from forestgen.tree.mattes import Mattes
-from forestgen.tree.photo import load_photo
-from forestgen.tree.scale import photo_camera
-from forestgen.tree.strokes import load_strokes
-from forestgen.tree.view import View
-from tests.tree.solids import PX, SIZE, ball, box, camera, shadow, trunk, view_of, views_of, volume_iou
+from forestgen.tree.density_views import (
+    density_residual,
+    density_steps,
+    estimate_density,
+    mean_seen,
+    seen_and_drawn,
+    view_density,
+)
+from tests.tree.solids import (
+    PX,
+    SIZE,
+    ball,
+    box,
+    camera,
+    drawn,
+    shadow,
+    true_views,
+    trunk,
+    view_of,
+    views_of,
+    volume_iou,
+)
 
 CROWN = ball((0.0, 6.5, 0.0), 2.5)
-
-
-def drawn(volume: DensityVolume, seen_by: Camera) -> np.ndarray:
-    """Pixels (H, W) that the filled voxels cover."""
-    half = 0.5 * volume.edge * seen_by.px_per_metre * np.abs(seen_by.axes[:2]).sum(axis=1)
-    xy = seen_by.project(volume.centres(volume.is_filled))
-    left, top = np.clip(np.rint(xy - half), 0, seen_by.size).astype(int).T
-    right, bottom = np.clip(np.rint(xy + half), 0, seen_by.size).astype(int).T
-    steps = np.zeros((seen_by.size[1] + 1, seen_by.size[0] + 1), int)
-    for row, column, step in ((top, left, 1), (top, right, -1), (bottom, left, -1), (bottom, right, 1)):
-        np.add.at(steps, (row, column), step)
-    return np.asarray(steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0)
 
 
 def test_a_ball_comes_back_from_two_views_without_the_hulls_corners() -> None:
@@ -178,25 +179,9 @@ def test_a_bare_crown_is_filled_between_its_twigs() -> None:
     assert volume.alpha[volume.is_filled].mean() < 0.1
 
 
-def truth_views(folder: Path) -> list[View]:
-    """Views of a ground-truth tree with the true masks as mattes."""
-    height = json.loads((folder / "truth.json").read_text())["height_m"]
-    views = []
-    for azimuth in (0, 90):
-        photo = load_photo(folder / f"photo_az{azimuth:03d}.jpg")
-        strokes = load_strokes(folder / f"strokes_az{azimuth:03d}.json", photo.size)
-        true = cv2.imread(str(folder / f"photo_az{azimuth:03d}_mask.png")).astype(np.float32) / 255
-        mattes = Mattes(true[..., 2], true[..., 1])
-        graph = BranchGraph(strokes.branches[0][:2], np.array([-1, 0]), np.ones(2))
-        views.append(
-            View(photo, strokes, mattes, graph, photo_camera(mattes, strokes, height, azimuth=np.deg2rad(azimuth)))
-        )
-    return views
-
-
 def test_a_true_tree_keeps_both_outlines_and_is_less_than_its_hull_from_between(shared: Path) -> None:
     folder = shared / "ground_truth" / "maple_autumn"
-    views = truth_views(folder)
+    views = true_views(folder)
     volume = estimate_density(views)
     assert (density_residual(volume, views) < 0.15).all()
     height_px = volume.edge * volume.alpha.shape[1] * views[0].camera.px_per_metre
@@ -212,4 +197,12 @@ def test_a_true_tree_keeps_both_outlines_and_is_less_than_its_hull_from_between(
         height_px = volume.edge * volume.alpha.shape[1] * frame["px_per_metre"]
         found.append(iou(envelope(true, height_px), envelope(drawn(volume, oblique), height_px)))
     assert np.mean(found) > 0.779  # a stack of ellipses through both outlines: score_tree's null
-    assert rasterise(true.astype(float), oblique, volume).value.shape[0] > 100
+
+
+def test_steps_for_a_figure_hold_both_volumes_and_what_they_look_like() -> None:
+    views = views_of(CROWN, trunk(5))
+    first, refined, pictures = density_steps(views)
+    assert max(first.alpha.shape) == max(refined.alpha.shape) == 25
+    assert (refined.alpha[~first.is_filled] == 0).all()
+    assert first.alpha.sum() > refined.alpha.sum()  # each voxel alone explains what its whole ray shows
+    assert [seen.shape for seen, _ in pictures] == [shown.shape for _, shown in pictures]
