@@ -14,6 +14,7 @@ from forestgen.render import Drawable, Studio
 from forestgen.tree.painted import painted_over
 from forestgen.tree.view import View
 
+OVERHANG = 0.01  # of the height: margin around painted foliage in which colours are not compared
 HALF = 0.495  # covered from one half of the samples on; half of them is 127/255 on some drivers
 
 
@@ -98,7 +99,8 @@ def measure(view: View, drawn: Drawn, height: float) -> dict[str, float]:
     """All measures of one view of a tree `height` metres tall; distances as shares of the height."""
     height_px = height * view.camera.px_per_metre
     reference, render = view.mattes.is_tree, drawn.is_tree
-    shown = ~painted_over(view.strokes.density, reference.shape)  # of painted foliage the photo knows no colour
+    # of painted foliage the photo knows no colour; its leaves reach a little over what was painted
+    shown = ~painted_over(view.strokes.density, reference.shape, OVERHANG * height_px)
     outer = metrics.envelope(reference, height_px)
     drawn_outer = metrics.envelope(render, height_px)
     crown = np.clip(view.strokes.crown, 0, view.photo.size)

@@ -27,12 +27,12 @@ def paint(mattes: Mattes, density: Sequence[DensityStroke], *, rng: np.random.Ge
     return Mattes(foliage, np.minimum(mattes.branch, 1 - foliage))
 
 
-def painted_over(density: Sequence[DensityStroke], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Pixels (H, W) where somebody painted foliage: the photo does not show what grows there."""
+def painted_over(density: Sequence[DensityStroke], shape: tuple[int, ...], margin_px: float = 0.0) -> NDArray[np.bool_]:
+    """Pixels (H, W) where somebody painted foliage, and a margin around: the photo does not show what grows there."""
     added = np.zeros(shape, bool)
     for stroke in density:
         if stroke.add:
-            added |= distance(stroke, shape) <= stroke.radius_px
+            added |= distance(stroke, shape) <= stroke.radius_px + margin_px
     return added
 
 
