@@ -59,7 +59,7 @@ def direction_field(
     low, high = _with_margin(box)
     step = (high - low) / (resolution - 1)
     corner = low + np.stack(np.meshgrid(*[np.arange(resolution)] * 2, indexing="xy"), axis=-1) * step
-    place, tangent = graph_points(xy, parent, 0.25 * float(step.min()))
+    place, tangent, _ = graph_points(xy, parent, 0.25 * float(step.min()))
     distance, nearest = cKDTree(place).query(corner.reshape(-1, 2))
     towards = (place[nearest] - corner.reshape(-1, 2)) / np.maximum(distance, 1e-9)[:, None]
     h = blending(distance, blend, reach, share)[:, None]
@@ -76,8 +76,10 @@ def blending(distance: NDArray[np.float64], blend: Blend, reach: float, share: f
 
 def graph_points(
     position: NDArray[np.float64], parent: NDArray[np.int64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places (P, D) at most `spacing` apart along a graph's edges, and the unit tangents (P, D) to the root.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Places (P, D) at most `spacing` apart along a graph's edges, their unit tangents (P, D) to the root, their nodes.
+
+    A place belongs to the node at the outer end of its edge.
 
     At a node the tangent is that of the edge to its parent; at the root, which has none, that of an
     edge that arrives there. A graph of one node has tangent 0.
@@ -91,7 +93,8 @@ def graph_points(
     place = position[child[edge]] + way[edge] * (within / count[edge])[:, None]
     unit = way / np.maximum(length, 1e-300)[:, None]
     first = unit[:1] if len(child) else np.zeros((1, position.shape[1]))
-    return np.concatenate([position[:1], place]), np.concatenate([first, unit[edge]])
+    node = np.concatenate([[0], child[edge]])
+    return np.concatenate([position[:1], place]), np.concatenate([first, unit[edge]]), node
 
 
 def _with_margin(box: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -5,10 +5,45 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.lift.flow_tracing import Graph
+from forestgen.tree.lift.flow_tracing import Graph, norm
 from forestgen.tree.skeleton import height_above_tips, main_child, n_children, path_length
 
+DETOUR = 0.6  # a way that is as the crow flies less than that of its length is cut short
+BACKWARD = -0.2  # least cosine between a branch and what bears it, at their joint
 PULL = 0.5  # of the way to the middle of its neighbours that a node goes in one round
+
+
+def straightened(graph: Graph, window: float) -> Graph:
+    """Lay loops and detours of a branch straight: what winds within `window` metres of way; longest detours first.
+
+    Only ways of particles are moved, and what branches off is drawn along by the smoothing.
+    """
+    position, parent = graph.position.copy(), graph.parent
+    onward = main_child(tips_beyond(parent).astype(float), parent)
+    step = norm(position - position[np.maximum(parent, 0)])
+    goes_on = (parent >= 0) & (onward[parent] == np.arange(len(parent))) & (graph.limb < 0)
+    goes_on[1:] &= graph.limb[parent[1:]] < 0
+    start = np.flatnonzero(goes_on)
+    way, arc, back, gain = parent[start], step[start], np.zeros(len(start), np.int64), np.zeros(len(start))
+    for count in range(2, len(parent)):
+        going = goes_on[way] & (arc < window)
+        if not going.any():
+            break
+        arc = np.where(going, arc + step[way], arc)
+        way = np.where(going, parent[way], way)
+        saved = arc - norm(position[start] - position[way])
+        better = going & (saved > np.maximum(gain, (1 - DETOUR) * arc))
+        back[better], gain[better] = count, saved[better]
+    is_laid = np.zeros(len(parent), bool)
+    for which in np.argsort(-gain, kind="stable")[: int((gain > 0).sum())]:
+        inside = [int(start[which])]
+        for _ in range(back[which]):
+            inside.append(int(parent[inside[-1]]))
+        if not is_laid[inside].any():
+            share = np.linspace(0, 1, len(inside))[:, None]
+            position[inside] = position[inside[0]] + share * (position[inside[-1]] - position[inside[0]])
+            is_laid[inside] = True
+    return Graph(position, parent, graph.limb)
 
 
 def without_stubs(graph: Graph, shortest: float) -> Graph:
@@ -38,6 +73,28 @@ def smoothed(graph: Graph, rounds: int) -> Graph:
     for _ in range(rounds):
         middle = 0.5 * (position[parent[node]] + position[onward[node]])
         position[node] += PULL * (middle - position[node])
+    return Graph(position, parent, graph.limb)
+
+
+def joined_forward(graph: Graph, farthest: float) -> Graph:
+    """Move the joints of branches that bend back towards the root, until they lean outward; at most `farthest` metres.
+
+    A branch that finds no such joint stays where it is.
+    """
+    position, parent = graph.position, graph.parent.copy()
+    onward = main_child(tips_beyond(parent).astype(float), parent)
+    side = np.flatnonzero((parent > 0) & (graph.limb < 0) & (onward[parent] != np.arange(len(parent))))
+    way, moved = parent[side], np.zeros(len(side))
+    for _ in range(len(parent)):
+        out, axis = position[side] - position[way], position[way] - position[graph.parent[way]]
+        good = np.sum(out * axis, axis=1) >= BACKWARD * norm(out) * norm(axis)
+        parent[side[good]] = way[good]
+        going = ~good & (moved < farthest)
+        side, way, moved = side[going], way[going], moved[going] + norm(axis[going])
+        side, way, moved = side[graph.parent[way] > 0], way[graph.parent[way] > 0], moved[graph.parent[way] > 0]
+        way = graph.parent[way]
+        if not len(side):
+            break
     return Graph(position, parent, graph.limb)
 
 

@@ -184,8 +184,10 @@ class _Traces:
         every = np.concatenate([start, limbs])
         self.low = every.min(axis=0) - near
         span = every.max(axis=0) + near - self.low
-        self.edge = max(near, float(np.prod(span) / MOST_CELLS) ** (1 / 3))
-        self.shape = np.maximum(np.ceil(span / self.edge), 1).astype(np.int64)
+        self.edge = near
+        while float(np.prod(np.ceil(span / self.edge))) > MOST_CELLS:
+            self.edge *= 1.25
+        self.shape = np.ceil(span / self.edge).astype(np.int64)
         self.head = np.full(int(np.prod(self.shape)), -1)
         self.following = np.full(2 * n, -1)
         self.append(start, np.arange(n))

@@ -92,3 +92,24 @@ def _radius_along(
 ) -> NDArray[np.float64]:
     """Measured radii (N,) m of the trunk at positions (N, 3); NaN next to where it was not measured."""
     return metres_of(_along(view.camera, line, radius_px, position), view.camera, position)
+
+
+def densified(
+    place: NDArray[np.float64], parent: NDArray[np.int64], radius: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """A graph with nodes at most `spacing` apart: places (M, D), parents (M,) and radii (M,) of one with N nodes.
+
+    Radii between two known ones are interpolated; next to an unknown one they are unknown.
+    """
+    above = np.maximum(parent, 0)
+    way = place - place[above]
+    count = np.maximum(np.ceil(np.linalg.norm(way, axis=1) / spacing), 1).astype(np.int64)
+    last = np.cumsum(count) - 1  # where each given node goes
+    node = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(node)) - (last - count)[node]
+    share = within / count[node]
+    radii = radius[above[node]] + share * (radius[node] - radius[above[node]])
+    radii[last] = radius
+    before = np.arange(len(node)) - 1
+    before[last - count + 1] = np.where(parent >= 0, last[above], -1)
+    return place[above[node]] + share[:, None] * way[node], before, radii

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from forestgen.errors import StageError
 from forestgen.tree.density import DensityVolume
 from forestgen.tree.density_views import estimate_density
 from forestgen.tree.lift.direction_field import Blend, DirectionField, direction_field
 from forestgen.tree.lift.flow_limbs import limbs_in_space
-from forestgen.tree.lift.flow_smoothing import smoothed, thinned, without_stubs
+from forestgen.tree.lift.flow_smoothing import joined_forward, smoothed, straightened, thinned, without_stubs
 from forestgen.tree.lift.flow_tracing import FlowRules, Graph, trace_particles
-from forestgen.tree.lift.flow_trunk import Limbs
+from forestgen.tree.lift.flow_trunk import Limbs, densified
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -36,45 +37,65 @@ class ParticleFlow(Strategy):
     steps: int = 200  # sec. 9, "200 iterations"
     field_resolution: int = 100  # sec. 7, "a grid of 100 by 100"
     density_resolution: int = 64  # ours; sec. 5 has 25
+    density_prior: bool = True  # ours: a rounded crown; sec. 5 has the views' least alone
     blend: Blend = "linear"  # h(d) of eq. 3; sec. 7, "the mostly used case"
-    blend_reach: float = 0.15  # of the height, where a linear h reaches 1; not printed
+    blend_reach: float = 0.1  # of the height, where a linear h reaches 1; not printed
     blend_share: float = 0.5  # a constant h; not printed
     visible_limbs: bool = True  # ours
-    to_field: float = 1.0  # weights of what drives a particle; none is printed
-    to_neighbour: float = 0.6
+    to_field: float = 0.6  # weights of what drives a particle; none is printed
+    to_neighbour: float = 0.9
     to_base: float = 0.3
     to_limb: float = 1.0  # ours
     limb_share: float = 0.65  # ours: h for limbs in space, constant: branches leave them at this angle
     inertia: float = 2.0  # steps in which a single particle turns; sec. 6 has a mass without a value
     inertia_growth: float = 0.3  # exponent of the number of joined particles in their mass
-    sight: float = 1.5  # of the particles' mean distance: how far they attract
-    join: float = 0.3  # of the particles' mean distance: how near they join
+    sight: float = 2.5  # of the particles' mean distance: how far they attract
+    join: float = 0.35  # of the particles' mean distance: how near they join
     join_traces: bool = True  # ours: also with the trace of one that has passed, so that nothing runs beside it
     least_turn_deg: float = 75.0  # ours: between a particle's way and a trace that it joins
-    shortest: float = 0.02  # of the height: shorter branches fall (chiselled, fig. 5c)
-    smoothing: int = 20  # rounds (smoothed, fig. 5c)
+    detour: float = 0.2  # ours, of the height: within that much way nothing may wind; 0 lets it
+    shortest: float = 0.025  # of the height: shorter branches fall (chiselled, fig. 5c)
+    smoothing: int = 25  # rounds (smoothed, fig. 5c)
     spacing: float = 0.012  # of the height, from node to node in the result
 
-    def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:
-        density = estimate_density(views, resolution=self.density_resolution)
-        height = float(density.edge * density.alpha.shape[1])
-        limbs = limbs_in_space(views, density, rng=rng) if self.visible_limbs else _root()
-        start = self._start(density, views, rng)
-        rules = self._rules(density, start)
-        dense = densified(limbs, 0.5 * rules.join)
-        fields = [self._field(view, density) for view in views]
-        graph = trace_particles(start, dense.position, dense.parent, [v.camera for v in views], fields, rules)
-        graph = smoothed(without_stubs(graph, self.shortest * height), self.smoothing)
-        graph = thinned(graph, self.spacing * height)
-        return Skeleton(graph.position, graph.parent, _radius(graph, dense))
+    @classmethod
+    def paper(cls) -> ParticleFlow:
+        """What is printed, and nothing of ours; weights that the paper leaves open are as in the default."""
+        return cls(density_resolution=25, density_prior=False, visible_limbs=False, to_limb=0.0, detour=0.0)
 
-    def _start(self, density: DensityVolume, views: Sequence[View], rng: np.random.Generator) -> NDArray[np.float64]:
+    def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:
+        density = self._density(views)
+        height = float(density.edge * density.alpha.shape[1])
+        limbs = self._limbs(views, density, rng)
+        start = density.sample(self.particles, rng=rng)
+        rules = self.rules(density, start)
+        limbs = Limbs(*densified(limbs.position, limbs.parent, limbs.radius, 0.5 * rules.join))
+        start = start[~within_wood(start, limbs, density.edge)]
+        fields = [self._field(view, density) for view in views]
+        graph = trace_particles(start, limbs.position, limbs.parent, [v.camera for v in views], fields, rules)
+        if self.detour:
+            graph = straightened(graph, self.detour * height)
+        graph = smoothed(without_stubs(graph, self.shortest * height), self.smoothing)
+        if self.detour:
+            graph = joined_forward(graph, 0.25 * self.detour * height)
+        graph = thinned(graph, self.spacing * height)
+        return Skeleton(graph.position, graph.parent, _radius(graph, limbs))
+
+    def _density(self, views: Sequence[View]) -> DensityVolume:
+        density = estimate_density(views, resolution=self.density_resolution, prior=self.density_prior)
         if not density.is_filled.any():
             names = ", ".join(view.photo.name for view in views)
             raise StageError(f"{names}: the views leave no density to grow from: check their strokes and azimuths")
-        return density.sample(self.particles, rng=rng)
+        return density
 
-    def _rules(self, density: DensityVolume, start: NDArray[np.float64]) -> FlowRules:
+    def _limbs(self, views: Sequence[View], density: DensityVolume, rng: np.random.Generator) -> Limbs:
+        if not self.visible_limbs:
+            return Limbs(np.zeros((1, 3)), np.array([-1]), np.array([np.nan]))
+        hull = estimate_density(views, resolution=self.density_resolution, refine=False, prior=False)
+        return limbs_in_space(views, hull, density, rng=rng)
+
+    def rules(self, density: DensityVolume, start: NDArray[np.float64]) -> FlowRules:
+        """The flow's rules in metres for particles that start at (N, 3): what is near depends on how dense they are."""
         filled = float(density.is_filled.sum()) * density.edge**3
         apart = (filled / len(start)) ** (1 / 3)
         return FlowRules(
@@ -108,25 +129,13 @@ class ParticleFlow(Strategy):
         )
 
 
-def densified(limbs: Limbs, spacing: float) -> Limbs:
-    """The limbs with nodes at most `spacing` metres apart; radii between two known ones are interpolated."""
-    parent = np.maximum(limbs.parent, 0)
-    way = limbs.position - limbs.position[parent]
-    count = np.maximum(np.ceil(np.linalg.norm(way, axis=1) / spacing), 1).astype(np.int64)
-    last = np.cumsum(count) - 1  # where each node of the limbs goes
-    node = np.repeat(np.arange(len(count)), count)
-    within = np.arange(len(node)) - (last - count)[node]
-    share = within / count[node]
-    position = limbs.position[parent[node]] + share[:, None] * way[node]
-    radius = limbs.radius[parent[node]] + share * (limbs.radius[node] - limbs.radius[parent[node]])
-    radius[within == count[node]] = limbs.radius
-    before = np.arange(len(node)) - 1
-    before[last - count + 1] = np.where(limbs.parent >= 0, last[parent], -1)
-    return Limbs(position, before, radius)
-
-
-def _root() -> Limbs:
-    return Limbs(np.zeros((1, 3)), np.array([-1]), np.array([np.nan]))
+def within_wood(start: NDArray[np.float64], limbs: Limbs, margin: float) -> NDArray[np.bool_]:
+    """Which points (N, 3) lie within visible limbs, or `margin` metres about them: such biomass is wood already."""
+    known = np.isfinite(limbs.radius)
+    if not known.any():
+        return np.zeros(len(start), bool)
+    gap, nearest = cKDTree(limbs.position[known]).query(start)
+    return np.asarray(gap < limbs.radius[known][nearest] + margin)
 
 
 def _radius(graph: Graph, limbs: Limbs) -> NDArray[np.float64]:

@@ -52,7 +52,7 @@ def without_graph(view: View) -> View:
 
 
 def tips(skeleton: Skeleton) -> NDArray[np.float64]:
-    return skeleton.position[n_children(skeleton.parent) == 0]
+    return np.asarray(skeleton.position[n_children(skeleton.parent) == 0])
 
 
 def distance_to(skeleton: Skeleton, point: NDArray[np.float64]) -> float:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 
-from forestgen.tree.lift.direction_field import DirectionField, blending, direction_field, graph_points
+from forestgen.tree.lift.direction_field import Blend, DirectionField, blending, direction_field, graph_points
 
 # one segment, from the root at the foot of the picture straight up
 XY = np.array([[50.0, 90.0], [50.0, 10.0]])
@@ -14,9 +15,9 @@ PARENT = np.array([-1, 0])
 BOX = np.array([[0.0, 0.0], [100.0, 100.0]])
 
 
-def at(x: float, y: float, **settings: float | str) -> np.ndarray:
-    field = direction_field(XY, PARENT, BOX, reach=40.0, **settings)  # type: ignore[arg-type]
-    return field.at(np.array([[x, y]]))[0]
+def at(x: float, y: float, *, blend: Blend = "linear", share: float = 0.5) -> NDArray[np.float64]:
+    field = direction_field(XY, PARENT, BOX, reach=40.0, blend=blend, share=share)
+    return np.asarray(field.at(np.array([[x, y]]))[0])
 
 
 def test_on_the_graph_the_field_is_its_tangent_to_the_root() -> None:
@@ -53,14 +54,15 @@ def test_between_corners_the_field_is_bilinear_and_outside_it_the_border_counts(
     vector = np.zeros((2, 2, 2))
     vector[0, 1, 0] = vector[1, 0, 1] = 1
     field = DirectionField(vector, np.zeros(2), np.array([10.0, 20.0]))
-    assert_allclose(field.at(np.array([[5.0, 5], [10, 0], [-9, 99], [2.5, 10]])), [
-        [0.375, 0.125], [1, 0], [0, 1], [0.125, 0.375]])  # fmt: skip
+    at_places = field.at(np.array([[5.0, 5], [10, 0], [-9, 99], [2.5, 10]]))
+    assert_allclose(at_places, np.array([[0.375, 0.125], [1, 0], [0, 1], [0.125, 0.375]]))
 
 
 def test_points_of_a_graph_are_no_farther_apart_than_asked_and_look_to_the_root() -> None:
     xy = np.array([[0.0, 0], [0, 10], [6, 18]])
-    place, tangent = graph_points(xy, np.array([-1, 0, 1]), 2.0)
+    place, tangent, node = graph_points(xy, np.array([-1, 0, 1]), 2.0)
     assert len(place) == 1 + 5 + 5
+    assert_array_equal(node, [0, *[1] * 5, *[2] * 5])
     assert_allclose(place[0], [0, 0])
     assert_allclose(tangent[1:6], np.tile([0, -1], (5, 1)))
     assert_allclose(tangent[6:], np.tile([-0.6, -0.8], (5, 1)))

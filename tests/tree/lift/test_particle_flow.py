@@ -74,8 +74,8 @@ def test_same_seed_same_tree_another_seed_another_one() -> None:
 
 
 def test_one_particle_is_a_tree() -> None:
-    for settings in ({}, {"visible_limbs": False, "to_limb": 0.0}):
-        skeleton = flow(TWO, particles=1, **settings)
+    for visible in (True, False):
+        skeleton = flow(TWO, particles=1, visible_limbs=visible, to_limb=float(visible))
         assert len(skeleton) >= 2
         assert n_children(skeleton.parent)[0] >= 1
 
