@@ -69,7 +69,7 @@ def grow_and_show(
     *,
     frames: int = 180,
     fps: float = 24.0,
-    tolerance: float = 0.01,
+    tolerance: float = 0.005,
     every_frame: bool = False,
     film: bool = True,
     on_progress: OnProgress | None = None,
@@ -110,7 +110,7 @@ def grow_tree(
     *,
     frames: int = 180,
     fps: float = 24.0,
-    tolerance: float = 0.01,
+    tolerance: float = 0.005,
     every_frame: bool = False,
     on_frame: OnFrame | None = None,
 ) -> GrowthFilm:
@@ -204,7 +204,7 @@ def add_samples(
 ) -> None:
     """Pose the tree at each key frame (K,) and add its samples; the last is what is stored."""
     wood = bind_mesh(still.points.astype(float), still.faces, tree.skeleton)
-    born = tree.born(wood)
+    under = tree.wood(wood)
     leaves, ahead = growing_leaves(tree, still), gap(keys, frames)
     turned = np.unique([*keys[::TURNED_EVERY].tolist(), keys[-1]])
     turns = {} if leaves is None else leaf_turns(tree, leaves, still, turned, frames)
@@ -212,7 +212,7 @@ def add_samples(
         is_last, is_turned = frame == keys[-1], frame in turned
         at = tree.pose(int(frame) / frames, ahead)
         normals = still.normals if is_last else turned_normals(still, wood, at)
-        points = still.points if is_last else tree.carried(wood, at, tree.thickness(born, at.time))
+        points = still.points if is_last else tree.carried(wood, at, tree.thickness(under, at.time))
         layer.add_branches(int(frame), points, normals if is_turned and tree.bend.any() else None)
         if leaves is not None:
             position = still.leaf_position if is_last else leaves.position_at(tree, at)

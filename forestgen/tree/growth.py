@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from forestgen.errors import InputError
 from forestgen.tree.growth_age import birth_times
 from forestgen.tree.growth_kernels import carry, fronts, pose
 from forestgen.tree.growth_tropism import bend_of_units
-from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.skeleton import Skeleton, n_children
 from forestgen.tree.strategy import Strategy
 
 
@@ -45,8 +46,10 @@ class Growth(Strategy):
     thickness_weight: float = 1.0
     tropism_deg: float = -7.0  # figure 8, between +20 (lifts) and -25 (droops): what a branch bends in its life
     wood_weight: float = 0.5  # ours: how much time goes by wood made, not by order; else a trunk alone takes half
-    last_birth: float = 0.85  # ours: when the last wood is born; the rest is for the last leaves
+    last_birth: float = 0.8  # ours: when the last wood is born; the rest is for the last leaves
     tapering: float = 0.1  # ours: how long wood takes to its full width where it does not thicken with age
+    shooting: float = 0.03  # ours: how long wood takes to be as thick as a shoot; only then it thickens with age
+    budding: float = 0.04  # ours: how long after its wood a leaf begins to show
     unfolding: float = 0.15  # ours: how long a leaf takes from bud to full size
 
     def __call__(self, skeleton: Skeleton) -> GrowingTree:
@@ -61,7 +64,7 @@ class Growth(Strategy):
         if mode.is_ordered:
             birth = birth_times(skeleton, self.thickness_weight, self.wood_weight, self.last_birth)
         bend = bend_of_units(skeleton, np.deg2rad(self.tropism_deg))
-        return GrowingTree(skeleton, birth, bend, mode, self.tapering, self.unfolding)
+        return GrowingTree(skeleton, birth, bend, mode, self)
 
     def check(self) -> None:
         """Refuse settings beyond sense.
@@ -108,6 +111,14 @@ class Anchors:
 
 
 @dataclass(frozen=True, eq=False)
+class Wood:
+    """The wood under V points: when it is born, and its radius in the end."""
+
+    born: NDArray[np.float64]  # (V,) time
+    radius: NDArray[np.float64]  # (V,) m
+
+
+@dataclass(frozen=True, eq=False)
 class GrowingTree:
     """A finished skeleton with the birth and bend of each node (N,): what it was at any time in (0, 1]."""
 
@@ -115,11 +126,15 @@ class GrowingTree:
     birth: NDArray[np.float64]  # (N,) time, rising along every branch
     bend: NDArray[np.float64]  # (N,) radians
     mode: Mode
-    tapering: float
-    unfolding: float
+    growth: Growth
 
     def __post_init__(self) -> None:
         freeze(self, birth=(np.float64, "N"), bend=(np.float64, "N"))
+
+    @cached_property
+    def shoot(self) -> float:
+        """Radius of a new shoot, metres: the tips' median."""
+        return float(np.median(self.skeleton.radius[n_children(self.skeleton.parent) == 0]))
 
     def size(self, time: float) -> float:
         """M, the whole tree's scale."""
@@ -131,19 +146,22 @@ class GrowingTree:
         place, turn = pose(rest.position, rest.parent, self.birth, self.bend, time, self.size(time))
         return Pose(time, time + ahead, place, turn, fronts(rest.parent, self.birth, time + ahead))
 
-    def born(self, anchors: Anchors) -> NDArray[np.float64]:
-        """When the wood under each point (V,) is born."""
-        begin = self.birth[np.maximum(self.skeleton.parent[anchors.node], 0)]
-        return np.asarray(begin + anchors.part * (self.birth[anchors.node] - begin))
+    def wood(self, anchors: Anchors) -> Wood:
+        """Birth and last radius of the wood under each point (V,)."""
+        birth, radius = self.birth, self.skeleton.radius
+        base = np.maximum(self.skeleton.parent[anchors.node], 0)
+        return Wood(*(of[base] + anchors.part * (of[anchors.node] - of[base]) for of in (birth, radius)))
 
-    def thickness(self, born: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-        """Share (V,) of its last radius that wood born at times (V,) has: never less than before, 1 at time 1."""
+    def thickness(self, wood: Wood, time: float) -> NDArray[np.float64]:
+        """Share (V,) of its last radius that wood has: never less than before, 1 at time 1."""
         if not self.mode.is_ordered:
-            return np.full(len(born), self.size(time))
-        if self.mode.thickens:
-            # Cross-sections grow evenly: a year adds as much wood as the last one.
-            return np.asarray(self.size(time) * np.sqrt(np.clip((time - born) / (1 - born), 0, 1)))
-        return np.asarray(np.clip((time - born) / self.tapering, 0, 1))
+            return np.full(len(wood.born), self.size(time))
+        age = np.maximum(time - wood.born, 0)
+        if not self.mode.thickens:
+            return np.asarray(np.minimum(age / self.growth.tapering, 1))
+        # First a shoot, then thicker: cross-sections grow evenly, every year adds as much wood.
+        shoot = np.minimum(age / self.growth.shooting, 1) * np.minimum(self.shoot / np.maximum(wood.radius, 1e-9), 1)
+        return np.asarray(np.maximum(shoot, self.size(time) * np.sqrt(np.minimum(age / (1 - wood.born), 1))))
 
     def carried(self, anchors: Anchors, at: Pose, thickness: NDArray[np.float64]) -> NDArray[np.float32]:
         """Where bound points (V, 3) are in a pose, their offsets times `thickness` (V,)."""
@@ -157,6 +175,6 @@ class GrowingTree:
             return self.skeleton
         n = len(self.skeleton)
         nodes = Anchors(np.arange(n), np.ones(n), np.zeros((n, 3)))
-        share = self.thickness(self.born(nodes), time)
+        share = self.thickness(self.wood(nodes), time)
         position = self.carried(nodes, self.pose(time), share)
         return Skeleton(position.astype(float), self.skeleton.parent, self.skeleton.radius * share)

@@ -51,11 +51,11 @@ def node_tracks(tree: GrowingTree, times: NDArray[np.float64]) -> NDArray[np.flo
     """Place and radius (T, N, 4) in metres of each node at times (T,); all ways are laid out."""
     n = len(tree.skeleton)
     nodes = Anchors(np.arange(n), np.ones(n), np.zeros((n, 3)))
-    born = tree.born(nodes)
+    wood = tree.wood(nodes)
     track = np.empty((len(times), n, 4), np.float32)
     for k, time in enumerate(times):
         track[k, :, :3] = tree.carried(nodes, tree.pose(float(time), ahead=1.0), np.zeros(n))
-        track[k, :, 3] = tree.skeleton.radius * tree.thickness(born, float(time))
+        track[k, :, 3] = tree.skeleton.radius * tree.thickness(wood, float(time))
     return track
 
 

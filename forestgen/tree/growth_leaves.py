@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.growth import Anchors, GrowingTree, Pose
+from forestgen.tree.growth import Anchors, GrowingTree, Pose, Wood
 from forestgen.tree.growth_binding import bind_leaves
 from forestgen.tree.limbs import unit
 
@@ -19,25 +19,25 @@ class GrowingLeaves:
     """L leaves of a finished tree, bound to it."""
 
     anchors: Anchors
-    born: NDArray[np.float64]  # (L,) when the wood under each is born
+    wood: Wood  # under each
     scale: NDArray[np.float64]  # (L, 3) in the finished tree
     orientation: NDArray[np.float64]  # (L, 4) w x y z in the finished tree
     bud: NDArray[np.float64]  # (L, 4) as a bud, along its shoot
 
     def position_at(self, tree: GrowingTree, at: Pose) -> NDArray[np.float32]:
         """The feet (L, 3) of the stalks."""
-        return tree.carried(self.anchors, at, tree.thickness(self.born, at.time))
+        return tree.carried(self.anchors, at, tree.thickness(self.wood, at.time))
 
     def scale_at(self, tree: GrowingTree, time: float) -> NDArray[np.float32]:
         """The leaves' scales (L, 3): a bud is narrow; 0 before it shows. A leaf is no smaller on a small tree."""
-        x = opened(tree, self.born, time)
+        x = opened(tree, self.wood.born, time)
         wide = width(x)
         whole = 1.0 if tree.mode.is_ordered else tree.size(time)
         return np.asarray(whole * self.scale * np.stack([wide, x, wide], axis=1), np.float32)
 
     def orientation_at(self, tree: GrowingTree, at: Pose) -> NDArray[np.float64]:
         """The leaves' quaternions (L, 4): from the bud's to the open leaf's, carried by the bent branch."""
-        own = slerp(self.bud, self.orientation, opened(tree, self.born, at.time))
+        own = slerp(self.bud, self.orientation, opened(tree, self.wood.born, at.time))
         return multiply(quaternion(at.turn[self.anchors.node]), own)
 
 
@@ -48,7 +48,7 @@ def opened(tree: GrowingTree, born: NDArray[np.float64], time: float) -> NDArray
     """
     if not tree.mode.is_ordered:
         return np.ones(len(born))
-    x = np.clip((time - born) / tree.unfolding, 0, 1)
+    x = np.clip((time - born - tree.growth.budding) / tree.growth.unfolding, 0, 1)
     return np.asarray(x * x * (3 - 2 * x))
 
 
@@ -66,7 +66,7 @@ def bound_leaves(
     rest, parent = tree.skeleton.position, tree.skeleton.parent
     shoot = unit(rest[anchors.node] - rest[np.maximum(parent[anchors.node], 0)])
     bud = multiply(shortest_turn(blade(orientation), shoot), orientation)
-    return GrowingLeaves(anchors, tree.born(anchors), scale, orientation, bud)
+    return GrowingLeaves(anchors, tree.wood(anchors), scale, orientation, bud)
 
 
 def blade(q: NDArray[np.float64]) -> NDArray[np.float64]:

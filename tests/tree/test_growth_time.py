@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from forestgen.errors import InputError
 from forestgen.tree.growth import MODES, Anchors, Growth
 from forestgen.tree.growth_age import birth_times, growth_age
-from forestgen.tree.growth_binding import bind_mesh, limbs_of
+from forestgen.tree.growth_binding import bind_mesh, limbs_of, rings_of
 from forestgen.tree.growth_keys import gap, key_frames, leaf_error
 from forestgen.tree.growth_leaves import blade, bound_leaves, opened, quaternion, slerp
 from forestgen.tree.mesh import GeneralisedCylinders
@@ -38,13 +38,13 @@ def test_growth_age_by_hand() -> None:
 
 def test_thick_and_near_wood_is_born_first() -> None:
     skeleton = fork(side_radius=0.05)
-    birth = birth_times(skeleton, 1.0, 0.5, 0.85)
+    birth = birth_times(skeleton, 1.0, 0.5, 0.8)
     assert birth[0] == 0
-    assert birth.max() == pytest.approx(0.85)
+    assert birth.max() == pytest.approx(0.8)
     assert np.all(birth[1:] > birth[skeleton.parent[1:]])
     #  of two nodes equally far out the thinner is the younger
     twin = replace(skeleton, radius=np.array([0.2] * 5 + [0.2] * 3))
-    assert birth[7] > birth_times(twin, 1.0, 0.5, 0.85)[7]
+    assert birth[7] > birth_times(twin, 1.0, 0.5, 0.8)[7]
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0, 50.0])
@@ -83,7 +83,7 @@ def test_without_order_the_whole_tree_is_scaled() -> None:
 
 def test_without_scaling_old_wood_stays_where_it_is() -> None:
     tree = Growth(mode="none", tropism_deg=0)(TREE)
-    old = tree.birth < 0.5 - tree.tapering
+    old = tree.birth < 0.5 - tree.growth.tapering
     assert 0 < np.count_nonzero(old) < len(TREE)
     now = tree.at(0.5)
     assert_allclose(now.position[old], TREE.position[old], atol=1e-6)
@@ -152,6 +152,26 @@ def test_a_mesh_is_bound_limb_by_limb() -> None:
         assert node <= way
 
 
+def test_wood_without_thickness_has_no_area() -> None:
+    mesh = mesh_of(TREE)
+    tree = Growth(tropism_deg=-14)(TREE)
+    anchors = bind_mesh(mesh.points, mesh.faces, TREE)
+    thin = tree.carried(anchors, tree.pose(0.3, ahead=1.0), np.zeros(len(mesh.points))).astype(float)
+    corner = thin[mesh.faces]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    assert area.max() < 1e-12  # m2: every triangle has two corners on one spot
+
+
+def test_a_mesh_of_no_rings_is_bound_point_by_point() -> None:
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    assert_array_equal(rings_of(points, np.array([0, 4])), [0, 1, 2, 3])
+    tube = np.array(
+        [[1, 0, 0], [0, 0, 1], [-1, 0, -1], [1, 0, 0], [1, 1, 0], [0, 1, 1], [-1, 1, -1], [1, 1, 0], [0, 2, 0]]
+    )
+    both = np.concatenate([tube, points + 5])
+    assert_array_equal(rings_of(both.astype(float), np.array([0, 9, 13])), [0] * 4 + [1] * 4 + [2, 3, 4, 5, 6])
+
+
 def test_twigs_that_cross_are_not_mistaken() -> None:
     #  two long arms from one trunk whose ends lie 1 cm apart
     position = [[0, 0, 0], [0, 1, 0], [0, 3, 0], [1, 2, 0], [2, 2, 0], [1, 2.01, 0.4], [2, 2.01, 0.01]]
@@ -175,7 +195,7 @@ def test_leaves_bud_open_and_stay() -> None:
     for time in np.linspace(0.01, 1, 30):
         scale = leaves.scale_at(tree, float(time))
         assert np.all(scale >= before - 1e-9)
-        assert np.all(scale[time <= leaves.born] == 0)
+        assert np.all(scale[time <= leaves.wood.born] == 0)
         before = scale
     at = tree.pose(1.0)
     assert_allclose(before, 0.1, atol=1e-7)
@@ -209,11 +229,11 @@ def test_a_reader_between_key_samples_strays_less_than_stated(mode: str) -> None
     assert error <= 0.01 * height
     mesh = mesh_of(TREE)
     anchors = bind_mesh(mesh.points, mesh.faces, TREE)
-    born, ahead = tree.born(anchors), gap(keys, frames)
+    wood, ahead = tree.wood(anchors), gap(keys, frames)
 
     def points(frame: int) -> tuple[np.ndarray, np.ndarray]:
         at = tree.pose(frame / frames, ahead)
-        share = tree.thickness(born, at.time)
+        share = tree.thickness(wood, at.time)
         return tree.carried(anchors, at, share), share
 
     for low, high in pairwise(keys.tolist()):
@@ -240,11 +260,11 @@ def test_frames_do_not_jump() -> None:
     tree = Growth(tropism_deg=-25)(TREE)
     mesh = mesh_of(TREE)
     anchors = bind_mesh(mesh.points, mesh.faces, TREE)
-    born, before = tree.born(anchors), None
+    wood, before = tree.wood(anchors), None
     bound = 8 / frames * path_length(TREE.position, TREE.parent).max()
     for frame in range(1, frames + 1):
         at = tree.pose(frame / frames, 1 / frames)
-        now = tree.carried(anchors, at, tree.thickness(born, at.time))
+        now = tree.carried(anchors, at, tree.thickness(wood, at.time))
         if before is not None:
             assert np.linalg.norm(now - before, axis=1).max() < bound
         before = now
