@@ -55,7 +55,7 @@ class GraphCutFoliage(Strategy):
             is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
         leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
         if self.rule == "contrast":
-            leaf = without_sky(region, leaf, wood)
+            leaf = np.where(limbs.is_limb, leaf, without_sky(region, leaf, wood))
         mattes = enlarge(Mattes(region.full(leaf, working.size), region.full(wood, working.size)), photo.size)
         if not mattes.is_tree.any():
             raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")

@@ -19,6 +19,7 @@ LONG, BESIDE = 17, 3  # px of an octave's picture: a line's length, and how far 
 CLIP = 3.0  # nats: what one pixel can say at most
 STANDS_OUT = 1.5  # nats by which the mean along a line exceeds those on either side
 AMONG_LEAVES, ALONE = 0.5, -0.5  # nats: least mean along a line among leaves, and with nothing on either side
+STUB = 8  # px of an octave's picture: shorter runs of lines' middles are dropped
 NOTHING = 0.3  # of the tree, as a share of the lines on either side
 POSSIBLE = -1.0  # nats: a pixel on a line that is less likely wood is a gap in it
 
@@ -37,7 +38,8 @@ def on_lines(evidence: NDArray[np.float32], is_tree: NDArray[np.bool_], size_px:
         if min(size) < 2 * LONG:
             break
         small = np.asarray(cv2.resize(layers, size, interpolation=cv2.INTER_AREA), np.float32)
-        found |= cv2.resize(is_line(small).astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
+        lines = cv2.dilate(without_stubs(is_line(small)).astype(np.uint8), np.ones((3, 3), np.uint8))
+        found |= cv2.resize(lines, shape, interpolation=cv2.INTER_NEAREST) > 0
     return np.asarray(found & is_tree & (evidence > POSSIBLE))
 
 
@@ -55,6 +57,14 @@ def is_line(layers: NDArray[np.float32]) -> NDArray[np.bool_]:
         found[better] = (line[..., 0] > least)[better]
         most[better] = stands_out[better]
     return found
+
+
+def without_stubs(found: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask (h, w) of lines' middles without the short ones: a lone dark leaf answers near its middle alone."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(found.astype(np.uint8), connectivity=8)
+    keep = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= STUB
+    keep[0] = False
+    return np.asarray(keep[label])
 
 
 def _line_kernel(step: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -20,6 +20,8 @@ STRETCH = 0.3  # share of the stroke over which a limb's usual width is taken
 SLACK = 1.15  # by this factor a limb may be wider than it usually is below
 CLEAR = 1.0  # nats a sample by which a limb stands out from what is beside it, where its edges can be seen
 LOWER, FLARE = 0.4, 1.8  # at the root a limb is at most so much wider than usual in the lower share of its stroke
+USUAL = 0.25  # quantile of a bare stretch's widths that stands for it: what is beside a limb only ever widens it
+FEW = 5  # stations of a bare stretch that suffice to say how wide the limb is there
 TAPER = 0.35  # width at the stroke's end, as a share of the width where the limb dives into the leaves
 FINE = 4  # subpixels a side for the ribbon's cover
 LONGEST = 30_000  # subpixels that OpenCV can fill along a side
@@ -59,10 +61,11 @@ class Ribbon:
         return out
 
 
-def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: float) -> Ribbon:
+def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: float, bare: float = 0.0) -> Ribbon:
     """Find a limb's edges along a stroke (K, 2) px, no farther than `reach` px from it.
 
     Looks twice: the second look uses the colours between the edges of the first and a finer grid.
+    The first share `bare` of the stroke runs below the crown, where no leaves hide the edges.
     """
     corner = np.maximum(np.floor(path.min(axis=0) - 2 * reach).astype(int), 0)
     end = np.maximum(np.ceil(path.max(axis=0) + 2 * reach).astype(int), corner + 1)
@@ -72,7 +75,7 @@ def follow_limb(rgb: NDArray[np.float32], path: NDArray[np.float64], reach: floa
     low, high, clarity = find_edges(
         strip, np.broadcast_to(abs(offset) <= (CORE + 0.5) * pitch, strip.shape[:2]), guard=APART
     )
-    widest = plausible_width(np.asarray(offset[high] - offset[low] + pitch), clarity)
+    widest = plausible_width(np.asarray(offset[high] - offset[low] + pitch), clarity, bare)
     half = float(np.quantile(np.maximum(abs(offset[low]), abs(offset[high])), 0.9)) + 2 * pitch
     first = np.stack([offset[low], offset[high], widest])
 
@@ -124,14 +127,19 @@ def sample_strip(
     return np.asarray(cv2.remap(rgb, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def plausible_width(width: NDArray[np.float64], clarity: NDArray[np.float64]) -> NDArray[np.float64]:
+def plausible_width(width: NDArray[np.float64], clarity: NDArray[np.float64], bare: float = 0.0) -> NDArray[np.float64]:
     """The greatest width (S,) that a limb may have: a little more than it has lower down, bulges left out.
 
     From where it dives into the leaves and its edges cannot be seen, it tapers towards the stroke's end.
+    Beyond its `bare` share it is at most a little wider than the upper half of that share: dark limbs
+    and dark leaves are one.
     """
     usual = median_filter(width, max(3, round(len(width) * STRETCH)), mode="nearest")
     lower = float(np.median(usual[: max(1, round(len(width) * LOWER))]))
     limit = np.minimum(SLACK * np.minimum.accumulate(usual), FLARE * lower) + 1
     dives = int(np.argmax(np.cumsum(clarity - CLEAR)))
     limit[dives:] *= np.linspace(1, TAPER, len(width) - dives)
+    end = round(bare * len(width))
+    if end >= FEW:
+        limit[end:] = np.minimum(limit[end:], SLACK * np.quantile(width[end // 2 : end], USUAL) + 1)
     return np.asarray(limit)

@@ -14,7 +14,7 @@ from forestgen.tree.segment.line_search import on_lines
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.min_cut import min_cut
 from forestgen.tree.segment.region import Region, bounding
-from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb
+from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb, stations
 from forestgen.tree.segment.smoothness import edge_costs
 from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
 from forestgen.tree.strokes import Strokes
@@ -65,13 +65,22 @@ def follow_limbs(region: Region, strokes: Strokes, *, rng: np.random.Generator) 
     cover, clear = np.zeros((2, *region.depth.shape), np.float32)
     for index, path in enumerate(strokes.branches):
         reach = max(8.0, (LIMB_REACH if index else TRUNK_REACH) * region.size_px)
-        ribbon = follow_limb(region.rgb, region.local(path), reach)
+        bare = 0.0 if index else bare_share(region, path)
+        ribbon = follow_limb(region.rgb, region.local(path), reach, bare)
         np.maximum(cover, ribbon.coverage(size), out=cover)
         np.maximum(clear, ribbon.coverage(size, ribbon.clarity > CLEAR / 2), out=clear)
         ribbons.append(ribbon)
     cover[max(int(np.ceil(region.local(strokes.root)[1])), 0) :] = 0
     is_clear = (clear >= 0.5) & (cover >= 0.5)
     return Limbs(tuple(ribbons), cover, is_clear, fork_zone(region, strokes), _wood_colours(region, cover, rng))
+
+
+def bare_share(region: Region, path: NDArray[np.float64]) -> float:
+    """Share of a stroke (K, 2) px of the photo before it enters the crown; 1 where it never does."""
+    along, _ = stations(region.local(path), 1.0, smooth=1.0)
+    at = np.clip(np.floor(along).astype(int), 0, np.array(region.depth.shape[::-1]) - 1)
+    in_crown = region.depth[at[:, 1], at[:, 0]] > 0
+    return float(np.argmax(in_crown) / len(along)) if in_crown.any() else 1.0
 
 
 def fork_zone(region: Region, strokes: Strokes) -> NDArray[np.bool_]:

@@ -89,6 +89,13 @@ def test_width_is_limited_by_what_it_is_below() -> None:
     assert limit[-1] == pytest.approx(TAPER * limit[5])
 
 
+def test_among_leaves_a_limb_is_no_wider_than_where_it_is_bare() -> None:
+    width = np.r_[34.0, 28, np.full(10, 20), np.full(28, 33)]
+    limit = plausible_width(width, np.full(40, 3.0), 12 / 40)
+    assert limit[12:].max() < 25
+    assert plausible_width(width, np.full(40, 3.0)).max() > 30
+
+
 def test_stations_are_even_and_normals_across() -> None:
     place, normal = stations(np.array([[0.0, 0], [0, 0], [30, 0]]), 1.0, smooth=3.0)
     assert_allclose(np.diff(place[:, 0]), 1, atol=1e-9)
