@@ -3,13 +3,18 @@
     python benchmarks/segmentation.py SHARED_FOLDER [TREE ...]
 
 Columns of a rule: IoU of the whole tree at one half, IoU of its envelope, F-score of wood (2 px), seconds.
-The last rows vary the smoothness: the paper's 60 against ours.
+The last columns vary the smoothness: the paper's 60 against ours.
+
+Real photographs have no true masks. Their table says what can be said without, for two rules: the share
+that is tree of the crown stroke's inside and of a ring just outside it (10 px at 1500 px), where there
+should be little; the median difference (CIEDE2000) of the colours on the two sides of the matte's edge,
+which is high where the edge lies on the tree's; and the IoU of the two rules' trees.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -20,9 +25,11 @@ from numpy.typing import NDArray
 
 from forestgen.arrays import stage_rng
 from forestgen.check.metrics import envelope
+from forestgen.scene.manifest import load_scene
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo, load_photo
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
+from forestgen.tree.segment.region import dilations_px
 from forestgen.tree.strokes import Strokes, draw_polyline, fill_outline, load_strokes
 
 Mask = NDArray[np.bool_]
@@ -114,21 +121,83 @@ def score(case: Case, rule: Callable[[Photo, Strokes], Mattes]) -> tuple[float, 
     )
 
 
-def main() -> None:
-    if len(sys.argv) < 2 or not (Path(sys.argv[1]) / "ground_truth").is_dir():
-        raise SystemExit("usage: python benchmarks/segmentation.py SHARED_FOLDER [TREE ...]")
-    trees = cases(Path(sys.argv[1]), sys.argv[2:])
-    print(f"{'':24}" + "".join(f"{name:>26}" for name in RULES))
+RIM = 3  # px on either side of an edge between which colours are compared
+REAL_RULES = ("contrast", "green_red, as printed")
+
+
+def real_photos(shared: Path, wanted: list[str]) -> Iterator[tuple[str, Photo, Strokes]]:
+    """(name, photo, strokes) of every tree of the real photographs' manifests."""
+    for scene in (load_scene(shared / "photos" / f"{name}.toml") for name in ("street", "woods", "roadside")):
+        for tree in scene.trees:
+            if tree.name != "pine_back" and (not wanted or any(word in tree.name for word in wanted)):
+                yield tree.name, load_photo(tree.views[0].photo), load_strokes(tree.views[0].strokes)
+
+
+def edge_contrast(photo: Photo, is_tree: Mask) -> float:
+    """Median CIEDE2000 between the mean colours just inside and just outside of a mask, along its edge."""
+    from skimage.color import deltaE_ciede2000, rgb2lab
+
+    rgb = photo.rgb.astype(np.float32) / np.float32(255)
+    tree = is_tree.astype(np.float32)
+    size = (2 * RIM + 1, 2 * RIM + 1)
+    inside, outside = (
+        cv2.blur(rgb * w[..., None], size) / (cv2.blur(w, size) + 1e-6)[..., None] for w in (tree, 1 - tree)
+    )
+    edge = is_tree & (cv2.erode(tree, np.ones((3, 3))) == 0)
+    if not edge.any():
+        return 0.0
+    return float(np.median(deltaE_ciede2000(rgb2lab(inside[edge]), rgb2lab(outside[edge]))))  # type: ignore[no-untyped-call]
+
+
+def real_row(photo: Photo, strokes: Strokes) -> list[float]:
+    """What can be said of both rules' mattes without a true mask."""
+    crown = fill_outline(strokes.crown, photo.size)
+    away = cv2.distanceTransform((~crown).astype(np.uint8), cv2.DIST_L2, 5)
+    ring = (away > 0) & (away <= dilations_px(10, photo.size))
+    for path in strokes.branches:
+        ring &= ~draw_polyline(path, photo.size, 4 * dilations_px(10, photo.size))
+    found = [RULES[rule](photo, strokes).is_tree for rule in REAL_RULES]
+    row = [value for tree in found for value in (tree[crown].mean(), tree[ring].mean(), edge_contrast(photo, tree))]
+    return [*map(float, row), overlap(*found)]
+
+
+def print_real(shared: Path, wanted: list[str]) -> None:
+    """The table over the real photographs, in GitHub Markdown."""
+    columns = [f"{rule}: {what}" for rule in REAL_RULES for what in ("crown", "ring", "edge")] + ["IoU of the two"]
+    rows: list[list[float]] = []
+    for name, photo, strokes in real_photos(shared, wanted):
+        if not rows:
+            print("\n| real photo | " + " | ".join(columns) + " |\n| --- |" + " ---: |" * len(columns))
+        rows.append(real_row(photo, strokes))
+        print(f"| {name} | " + " | ".join(f"{v:.2f}" for v in rows[-1]) + " |", flush=True)
+    if rows:
+        print("| **mean** | " + " | ".join(f"{v:.2f}" for v in np.mean(rows, axis=0)) + " |")
+
+
+def print_truth(shared: Path, wanted: list[str]) -> None:
+    """The table over the photos of known truth, then each rule's time beside GrabCut's."""
     total = []
-    for case in trees:
-        row = [score(case, rule) for rule in RULES.values()]
-        total.append(row)
-        print(f"{case.name:24}" + "".join(f"{_cells(s):>26}" for s in row), flush=True)
+    for case in cases(shared, wanted):
+        if not total:
+            print(f"{'':24}" + "".join(f"{name:>26}" for name in RULES))
+        total.append([score(case, rule) for rule in RULES.values()])
+        print(f"{case.name:24}" + "".join(f"{_cells(s):>26}" for s in total[-1]), flush=True)
+    if not total:
+        return
     mean = np.mean(total, axis=0)
     print(f"{'mean':24}" + "".join(f"{_cells(s):>26}" for s in mean))
     names = list(RULES)
     for name, ratio in zip(names, mean[:, 3] / mean[names.index("GrabCut"), 3], strict=True):
         print(f"{name}: {ratio:.2f} of GrabCut's time")
+
+
+def main() -> None:
+    shared, wanted = Path(sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
+    if not (shared / "ground_truth").is_dir():
+        raise SystemExit("usage: python benchmarks/segmentation.py SHARED_FOLDER [TREE ...]")
+    print_truth(shared, wanted)
+    if (shared / "photos").is_dir():
+        print_real(shared, wanted)
 
 
 def _cells(s: tuple[float, ...] | NDArray[np.float64]) -> str:
