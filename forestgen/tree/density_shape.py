@@ -4,7 +4,7 @@ Two silhouettes bound a crown at each height by a rectangle; nobody sees what of
 of elliptical section is told by its outlines alone: with s = 1 - (x / half-width)^2 in each of two views at a
 right angle, its points are those where the sum of both s is 1 or more. Lobes and notches are rounded in the same
 way by the height of a membrane blown up over the silhouette, and evened out in space. Where this leaves a square
-of a silhouette without a voxel, the likeliest voxel on its ray is filled: both outlines stay whole.
+of a silhouette without a voxel, the likeliest part of its ray is filled: both outlines stay whole.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from forestgen.tree.density_rays import Raster, rasterise
 CLOSE = 0.02  # of the height: gaps narrower than twice this are leaves apart, not holes (as the measures have it)
 EVEN = 0.02  # of the height: sigma of the roundness in space; lobes of two outlines do not meet to the voxel
 ASTRAY = 0.03  # of the height: so far may silhouettes contradict each other (perspective, sway, a hand's scale)
+DEEP = 0.5  # of its width: how deep a lobe is that only one view shows; 1 costs half of what the rounding gains
 THIN = 0.1  # of a square: wood thinner than a square keeps those that it fills most
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round tells the depth
 
@@ -37,6 +38,7 @@ class Silhouette:
 
     is_tree: Raster  # (R, C) 1 inside
     roundness: Raster  # (R, C) 1 on the middle, 0 at the rim; outside below 0, -1 at the tolerated distance
+    half: NDArray[np.float64]  # (R, C) half the thickness that its lobe has if it is as deep as wide, squares
     is_seen: bool = True  # False: nobody photographed it, it is assumed
 
 
@@ -64,9 +66,12 @@ def side_silhouette(front: Silhouette, height: float, edge: float) -> Silhouette
 
 def _silhouette(inside: NDArray[np.bool_], raster: Raster, tolerance: float) -> Silhouette:
     away = distance_transform_edt(~inside)
-    inner = 0.5 * (row_ellipses(inside) + row_share(membrane(inside)))
+    blown = membrane(inside)
+    inner = 0.5 * (row_ellipses(inside) + row_share(blown))
     roundness = np.where(inside, inner, -away / max(tolerance, 1.0))
-    return Silhouette(replace(raster, value=inside.astype(np.float64)), replace(raster, value=roundness))
+    return Silhouette(
+        replace(raster, value=inside.astype(np.float64)), replace(raster, value=roundness), np.sqrt(blown)
+    )
 
 
 def _thin_or_half(share: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -143,24 +148,33 @@ def shape_crown(silhouettes: Sequence[Silhouette], grid: DensityVolume, height: 
     filled = rank >= 1
     for s in silhouettes:
         if s.is_seen:
-            filled |= likeliest(s.is_tree, points, filled, rank)
+            filled |= likeliest(s, points, filled, rank)
     crown = np.zeros(grid.alpha.shape, bool)
     crown.flat[voxel] = filled
     return crown
 
 
 def likeliest(
-    is_tree: Raster, points: NDArray[np.float64], filled: NDArray[np.bool_], rank: NDArray[np.float64]
+    outline: Silhouette, points: NDArray[np.float64], filled: NDArray[np.bool_], rank: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """The points (N,) of highest rank (N,) on the rays of those squares of a silhouette that no filled one explains."""
-    square, inside = is_tree.nearest(points)
-    is_open = is_tree.value.ravel() > 0
+    """Points (N,) that explain those squares of a silhouette that no filled one does: the highest in rank (N,).
+
+    About it the ray is filled in proportion to the lobe's width, as far as the hull goes (rank 0): no sheets.
+    """
+    square, inside = outline.is_tree.nearest(points)
+    is_open = outline.is_tree.value.ravel() > 0
     is_open[square[filled & inside]] = False
     able = np.flatnonzero(inside & is_open[square])
+    square, rank = square[able], rank[able]
     best = np.full(is_open.size, -np.inf)
-    np.maximum.at(best, square[able], rank[able])
+    np.maximum.at(best, square, rank)
+    is_best = rank == best[square]
+    depth = outline.is_tree.camera.depth(points[able])
+    many = np.bincount(square[is_best], minlength=is_open.size)
+    middle = np.bincount(square[is_best], depth[is_best], minlength=is_open.size) / np.maximum(many, 1)
+    reach = DEEP * outline.half.ravel() * outline.is_tree.square / outline.is_tree.camera.px_per_metre
     chosen = np.zeros(len(points), bool)
-    chosen[able] = rank[able] == best[square[able]]
+    chosen[able] = is_best | ((rank > 0) & (np.abs(depth - middle[square]) <= reach[square]))
     return chosen
 
 

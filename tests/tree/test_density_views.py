@@ -103,6 +103,15 @@ def test_a_gap_in_one_view_is_empty_through_the_whole_depth() -> None:
     assert not inner.any()
 
 
+def test_a_lobe_that_sticks_out_is_no_sheet() -> None:
+    lobe = ball((3.0, 6.5, 0.0), 0.9)
+    volume = estimate_density(views_of(CROWN, lobe, trunk(5)), resolution=64)
+    outer = volume.centres(volume.is_filled)
+    outer = outer[(outer[:, 0] > 2.8) & (outer[:, 0] < 3.4) & (np.abs(outer[:, 1] - 6.5) < 0.2)]
+    assert np.ptp(outer[:, 2]) > 0.6
+    assert np.abs(outer[:, 2].mean()) < 0.2
+
+
 def test_views_that_disagree_a_little_lose_no_row() -> None:
     front, _ = views_of(CROWN, trunk(5))
     lower = views_of(ball((0.0, 6.35, 0.0), 2.5), trunk(5))[1]  # its top is 0.15 m lower
