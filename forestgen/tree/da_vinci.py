@@ -24,7 +24,7 @@ class DaVinci(Strategy):
 
     exponent: float = 2.0  # sec. 8: r^2 = a * sum of r_i^2; Murray's law would have 3
     constant: float = 1.0  # sec. 8: "a is a constant", not given; Da Vinci's own is 1
-    measured: bool = True  # ours; the paper knows no radii: branches are no thicker than the photos show them
+    measured: bool = True  # ours; what the photos show as thick keeps its radius. The paper knows no radii
 
     def __post_init__(self) -> None:
         if not 1 <= self.exponent <= 6:
@@ -34,9 +34,9 @@ class DaVinci(Strategy):
 
     def __call__(self, skeleton: Skeleton, views: Sequence[View]) -> Skeleton:
         tips = tips_beyond(skeleton.parent)
-        most = skeleton.radius if self.measured else np.full(len(skeleton), np.nan)
-        radius = da_vinci_radius(skeleton.parent, tips, stem_radius(skeleton, tips), self.exponent, self.constant, most)
-        return replace(skeleton, radius=radius)
+        share = radius_shares(skeleton.parent, tips, self.exponent, self.constant)
+        known = skeleton.radius if self.measured else np.full(len(skeleton), np.nan)
+        return replace(skeleton, radius=tapered(skeleton.parent, share, stem_radius(skeleton, tips), known))
 
 
 def tips_beyond(parent: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -57,26 +57,35 @@ def stem_radius(skeleton: Skeleton, tips: NDArray[np.int64]) -> float:
     return float(np.median(known)) if len(known) else trunk_radius(skeleton)
 
 
-def da_vinci_radius(
-    parent: NDArray[np.int64],
-    tips: NDArray[np.int64],
-    stem: float,
-    exponent: float = 2.0,
-    constant: float = 1.0,
-    most: NDArray[np.float64] | None = None,
+def radius_shares(
+    parent: NDArray[np.int64], tips: NDArray[np.int64], exponent: float = 2.0, constant: float = 1.0
 ) -> NDArray[np.float64]:
-    """Radii (N,) in metres of a tree whose root has the radius `stem` and whose nodes have `tips` (N,) beyond them.
-
-    No node is thicker than `most` (N,) where that is known; NaN elsewhere. Thickness never grows from
-    the root to a tip.
-    """
+    """Radius (N,) of each node over its parent's, of a tree whose nodes have `tips` (N,) beyond them; 1 at the root."""
     forks = n_children(parent) > 1
     share = np.ones(len(parent))
     share[1:] = tips[1:] / tips[parent[1:]] / np.where(forks[parent[1:]], constant, 1.0)
-    factor = (share ** (1 / exponent)).tolist()
-    above = parent.tolist()
-    limit = np.full(len(parent), np.inf).tolist() if most is None else np.where(most > 0, most, np.inf).tolist()
+    return np.asarray(share ** (1 / exponent))
+
+
+def tapered(
+    parent: NDArray[np.int64], share: NDArray[np.float64], stem: float, known: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Radii (N,) in metres, from the root's, `stem`, outward: each is its `share` (N,) of the one before it.
+
+    Where a radius is `known` (N,), NaN elsewhere, it holds instead; but nothing grows outward, nor is
+    anything thinner than what was measured beyond it.
+    """
+    above, shares = parent.tolist(), share.tolist()
+    measured = known.tolist()  # NaN fails every comparison
+    beyond = [0.0] * len(above)
+    for node in range(len(above) - 1, -1, -1):
+        if measured[node] > beyond[node]:
+            beyond[node] = measured[node]
+        if node and beyond[node] > beyond[above[node]]:
+            beyond[above[node]] = beyond[node]
     radius = [stem] * len(above)
     for node in range(1, len(above)):
-        radius[node] = min(radius[above[node]] * factor[node], limit[node])
+        before = radius[above[node]]
+        own = beyond[node] if measured[node] > 0 else max(before * shares[node], beyond[node])
+        radius[node] = min(own, before)
     return np.array(radius)

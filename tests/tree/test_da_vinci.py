@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from forestgen.tree.da_vinci import DaVinci, da_vinci_radius, stem_radius, tips_beyond
+from forestgen.tree.da_vinci import DaVinci, radius_shares, stem_radius, tapered, tips_beyond
 from forestgen.tree.skeleton import Skeleton, n_children
 from tests.tree.skeletons import random_tree
 
@@ -30,9 +30,10 @@ def test_da_vinci_counts_the_tips_beyond_each_node() -> None:
 
 
 def test_da_vinci_adds_cross_sections_at_each_fork() -> None:
-    tips = tips_beyond(PARENT)
-    assert_allclose(da_vinci_radius(PARENT, tips, np.sqrt(3.0)), np.sqrt([3, 2, 1, 1, 1]))
-    assert_allclose(da_vinci_radius(PARENT, tips, 3 ** (1 / 3), exponent=3.0), np.cbrt([3, 2, 1, 1, 1]))
+    unknown, tips = np.full(5, np.nan), tips_beyond(PARENT)
+    assert_allclose(tapered(PARENT, radius_shares(PARENT, tips), np.sqrt(3.0), unknown), np.sqrt([3, 2, 1, 1, 1]))
+    cubes = radius_shares(PARENT, tips, exponent=3.0)
+    assert_allclose(tapered(PARENT, cubes, np.cbrt(3.0), unknown), np.cbrt([3, 2, 1, 1, 1]))
 
 
 @pytest.mark.parametrize(("exponent", "constant"), [(2.0, 1.0), (2.5, 1.0), (2.0, 1.1)])
@@ -57,13 +58,22 @@ def test_all_tips_of_the_printed_rule_are_alike() -> None:
     assert_allclose(tips, 0.3 / np.sqrt(len(tips)), rtol=1e-9)
 
 
-def test_measured_wood_is_no_thicker_than_it_was_measured_and_nothing_grows_outward() -> None:
+def test_measured_wood_keeps_its_radius_and_nothing_grows_outward() -> None:
     tree = random_tree(2000, rng=np.random.default_rng(5))
     known = np.random.default_rng(6).random(len(tree)) < 0.3
-    tree = Skeleton(tree.position, tree.parent, np.where(known, 0.8 * tree.radius, np.nan))
+    known[0] = True
+    tree = Skeleton(tree.position, tree.parent, np.where(known, tree.radius, np.nan))  # itself a pipe model: tapers
     radius = DaVinci()(tree, []).radius
     assert (radius[1:] <= radius[tree.parent[1:]] + 1e-15).all()
-    assert (radius[1:][known[1:]] <= tree.radius[1:][known[1:]] + 1e-15).all()
+    assert_allclose(radius[known], tree.radius[known], rtol=1e-12)
+    assert (radius > 0).all()
+
+
+def test_a_slip_of_the_measuring_does_not_strangle_what_lies_beyond() -> None:
+    line = np.array([-1, 0, 1, 2])
+    known = np.array([0.2, 0.05, 0.15, np.nan])
+    assert_allclose(tapered(line, np.ones(4), 0.2, known), [0.2, 0.15, 0.15, 0.15])
+    assert_allclose(tapered(line, np.ones(4), 0.2, np.array([0.2, np.nan, 0.3, 0.1])), [0.2, 0.2, 0.2, 0.1])
 
 
 def test_applying_the_rule_twice_changes_nothing() -> None:

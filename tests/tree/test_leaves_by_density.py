@@ -127,7 +127,7 @@ def test_tips_are_drawn_by_the_density_of_their_voxels() -> None:
 
 @pytest.mark.parametrize("compound", ["pinnate", "palmate"])
 def test_compound_leaves_stand_on_twig_ends(compound: str, skeleton: Skeleton, views: list[View], atlas: Atlas) -> None:
-    rule = replace(CALM, compound=compound, leaflets=5, fill_rounds=0, layers=1.0)
+    rule = replace(CALM, compound=compound, leaflets=5, fill_rounds=0, layers=1.0)  # type: ignore[arg-type]
     found = rule(skeleton, views, atlas, rng=np.random.default_rng(1))
     assert len(found) > 300
     assert off_wood(skeleton, found.position[:200]).max() < 1e-9
