@@ -17,9 +17,9 @@ from forestgen.tree.lift.flow_trunk import Limbs, densified, metres_of, trunk_in
 from forestgen.tree.skeleton import branch_order, height_above_tips, main_child
 from forestgen.tree.view import View
 
-LEANS = np.deg2rad(np.linspace(-60, 60, 25))  # out of the photo's plane
-BENDS = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])  # share of the lean that is gained late (or, negative, early)
-FINE_LEANS, FINE_BENDS = np.deg2rad([-3.0, -1.5, 0.0, 1.5, 3.0]), np.array([-0.15, 0.0, 0.15])
+LEANS = np.deg2rad(np.linspace(-60, 60, 17))  # out of the photo's plane
+BENDS = np.array([-0.5, 0.0, 0.5])  # share of the lean that is gained late (or, negative, early)
+FINE_LEANS, FINE_BENDS = np.deg2rad([-5.0, -2.5, 0.0, 2.5, 5.0]), np.array([-0.25, 0.0, 0.25])
 STEP = 0.012  # of the height: from node to node of a limb
 SHORTEST = 0.02  # of the height: shorter branches are left to the flow
 NEAR = 0.02  # of the height: lines so near to each other in a photo are one branch

@@ -60,7 +60,11 @@ class ParticleFlow(Strategy):
 
     @classmethod
     def paper(cls) -> ParticleFlow:
-        """What is printed, and nothing of ours; weights that the paper leaves open are as in the default."""
+        """What is printed; weights that the paper leaves open are as in the default.
+
+        Particles also join the traces of those that have passed: "the particle traces are stored as a
+        3D branching graph" (sec. 6) is read so, since else the trunk would be a bundle of ways.
+        """
         return cls(density_resolution=25, density_prior=False, visible_limbs=False, to_limb=0.0, detour=0.0)
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:

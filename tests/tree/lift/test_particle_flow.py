@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
 
 from forestgen.arrays import stage_rng
 from forestgen.camera import Camera
+from forestgen.errors import StageError
+from forestgen.tree.density_views import estimate_density
 from forestgen.tree.lift.direction_field import direction_field
 from forestgen.tree.lift.flow_kernels import runge_kutta
 from forestgen.tree.lift.flow_tracing import lens_of
 from forestgen.tree.lift.particle_flow import ParticleFlow
+from forestgen.tree.mattes import Mattes
 from forestgen.tree.skeleton import Skeleton, n_children
 from forestgen.tree.view import View
 from tests.tree.lift import plain_flow
@@ -106,3 +111,35 @@ def test_inputs_are_unchanged() -> None:
     before = TWO[0].branches.xy.copy()
     flow(TWO)
     assert_array_equal(TWO[0].branches.xy, before)
+
+
+def test_hardly_any_wood_crosses_what_a_view_shows_to_be_empty() -> None:
+    hull = estimate_density(TWO, resolution=48, refine=False, prior=False)
+    skeleton = flow(TWO)
+    step = skeleton.position[1:] - skeleton.position[skeleton.parent[1:]]
+    filled = hull.centres()[hull.is_filled.ravel()]
+    off = cKDTree(filled).query(skeleton.position[1:] - 0.5 * step)[0] > 1.5 * hull.edge
+    length = np.linalg.norm(step, axis=1)
+    assert length[off].sum() < 0.05 * length.sum()
+
+
+@pytest.mark.parametrize("azimuth", [0, 90])
+def test_the_trunk_appears_where_it_was_traced_in_both_views(azimuth: float) -> None:
+    skeleton, view = flow(TWO), fork_view(azimuth)
+    low = (skeleton.position[:, 1] < 2.0) & np.isfinite(skeleton.radius)
+    seen = view.camera.project(skeleton.position[low])
+    traced = np.interp(-seen[:, 1], -view.branches.xy[:3, 1], view.branches.xy[:3, 0])
+    assert np.abs(seen[:, 0] - traced).max() < 1.0
+
+
+def test_the_papers_setting_keeps_what_is_printed() -> None:
+    paper = ParticleFlow.paper()
+    assert (paper.particles, paper.steps, paper.field_resolution, paper.density_resolution) == (1000, 200, 100, 25)
+    assert paper.blend == "linear"
+    assert not any((paper.visible_limbs, paper.density_prior, paper.to_limb, paper.detour))
+
+
+def test_a_view_without_tree_is_told() -> None:
+    empty = replace(TWO[1], mattes=Mattes(*[np.zeros((320, 300), np.float32)] * 2))
+    with pytest.raises(StageError, match="fork_90"):
+        flow([TWO[0], empty])
