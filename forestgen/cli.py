@@ -140,7 +140,7 @@ def grow(
         str, typer.Option(help="all: thickness, size and order; none: no scaling; scale: only that.")
     ] = "all",
     tropism: Annotated[float, typer.Option(help="Degrees a branch bends in its life; above 0 it lifts.")] = -7.0,
-    tolerance: Annotated[float, typer.Option(help="How far samples may stray, as a share of the height.")] = 0.01,
+    tolerance: Annotated[float, typer.Option(help="How far samples may stray, as a share of the height.")] = 0.005,
     every_frame: Annotated[bool, typer.Option("--every-frame", help="Write a sample for each frame.")] = False,
     film: Annotated[bool, typer.Option(help="Draw the report's film strip and preview, and check again.")] = True,
     quiet: Quiet = False,

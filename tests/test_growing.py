@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Usd, UsdGeom
 
+from forestgen import cli
 from forestgen.errors import InputError
 from forestgen.growing import GrowthFilm, grow_tree
 from forestgen.pipeline import write_tree
@@ -237,3 +239,33 @@ def test_an_interruption_leaves_the_tree_as_it_was(stills: Path, tmp_path: Path)
         grow_tree(folder, Growth(), frames=10, on_frame=stop)
     assert bytes_of(folder) == before
     assert [p.name for p in folder.parent.iterdir()] == ["oak"]
+
+
+def test_the_command_says_what_it_made(
+    stills: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copy(stills, tmp_path)
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["forestgen", "grow", *map(str, words), "--no-film"])
+        code = cli._run()
+        return code, *capsys.readouterr()
+
+    code, out, err = run(folder, "--frames", 9, "--quiet", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert (told["asset"], told["film"], told["frames"]) == ("oak.usda", "growing.usda", 9)
+    assert told["megabytes"] == pytest.approx((folder / "growth.usdc").stat().st_size / 1e6, abs=1e-3)
+    code, out, _ = run(folder, "--frames", 9, "--every-frame")
+    assert code == 0
+    assert "9 frames, 9 samples, every frame" in out
+    for words, complaint in (
+        ((folder, "--frames", 1), "--frames: expected 2 to 10000, came 1"),
+        ((folder, "--fps", 0), "--fps: expected frames a second above 0"),
+        ((folder, "--tropism", 1000), "tropism: expected degrees between -60 and 60, came 1000"),
+        ((folder, "--mode", "x"), "mode: expected one of none, all, scale, came 'x'"),
+        ((tmp_path,), "expected the folder of a built tree"),
+    ):
+        code, out, err = run(*words)
+        assert (code, out) == (2, "")
+        assert complaint in err

@@ -61,9 +61,9 @@ def write_preview(shown: list[Picture], path: Path) -> None:
 
     each = round(1000 * SECONDS / len(shown))
     duration = [each] * (len(shown) - 1) + [round(1000 * REST)]
-    # a common palette: a third of the bytes, and the background does not flicker
-    last = Image.fromarray(np.vstack([shown[-1], shown[len(shown) // 2]])).quantize(256)
-    images = [Image.fromarray(one).quantize(palette=last, dither=Image.Dither.NONE) for one in shown]
+    # One palette for all: a third of the bytes, and the background does not flicker.
+    palette = Image.fromarray(np.vstack([one[::4, ::4] for one in shown])).quantize(256)
+    images = [Image.fromarray(one).quantize(palette=palette, dither=Image.Dither.NONE) for one in shown]
     images[0].save(path, format="PNG", save_all=True, append_images=images[1:], duration=duration, loop=0)
 
 
