@@ -60,12 +60,22 @@ class ParticleFlow(Strategy):
 
     @classmethod
     def paper(cls) -> ParticleFlow:
-        """What is printed; weights that the paper leaves open are as in the default.
+        """What is printed; what it leaves open is set for flows that direction fields alone lead.
 
         Particles also join the traces of those that have passed: "the particle traces are stored as a
         3D branching graph" (sec. 6) is read so, since else the trunk would be a bundle of ways.
         """
-        return cls(density_resolution=25, density_prior=False, visible_limbs=False, to_limb=0.0, detour=0.0)
+        return cls(
+            density_resolution=25,
+            density_prior=False,
+            visible_limbs=False,
+            to_limb=0.0,
+            detour=0.0,
+            to_field=1.0,
+            to_neighbour=0.6,
+            sight=1.5,
+            join=0.3,
+        )
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Skeleton:
         density = self._density(views)
