@@ -13,6 +13,8 @@ from forestgen.tree.skeleton import Skeleton, n_children
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
 
+STEEPEST = 0.05  # metres of radius that measured wood loses on a metre of way, where thin wood goes on from thick
+
 
 @dataclass(frozen=True, kw_only=True)
 class DaVinci(Strategy):
@@ -35,8 +37,12 @@ class DaVinci(Strategy):
     def __call__(self, skeleton: Skeleton, views: Sequence[View]) -> Skeleton:
         tips = tips_beyond(skeleton.parent)
         share = radius_shares(skeleton.parent, tips, self.exponent, self.constant)
-        known = skeleton.radius if self.measured else np.full(len(skeleton), np.nan)
-        return replace(skeleton, radius=tapered(skeleton.parent, share, stem_radius(skeleton, tips), known))
+        stem = stem_radius(skeleton, tips)
+        unknown = np.full(len(skeleton), np.nan)
+        radius = tapered(skeleton.parent, share, stem, unknown)
+        if self.measured:
+            radius = tapered(skeleton.parent, share, stem, without_stumps(skeleton, radius))
+        return replace(skeleton, radius=radius)
 
 
 def tips_beyond(parent: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -65,6 +71,18 @@ def radius_shares(
     share = np.ones(len(parent))
     share[1:] = tips[1:] / tips[parent[1:]] / np.where(forks[parent[1:]], constant, 1.0)
     return np.asarray(share ** (1 / exponent))
+
+
+def without_stumps(skeleton: Skeleton, rule: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Measured radii (N,) in metres, drawn in where they would end in a step down to those of the `rule` (N,)."""
+    position, parent = skeleton.position, skeleton.parent
+    step = np.linalg.norm(position - position[np.maximum(parent, 0)], axis=1)
+    most, above, steps = rule.tolist(), parent.tolist(), (STEEPEST * step).tolist()
+    measured, usual = skeleton.radius.tolist(), rule.tolist()  # NaN fails every comparison
+    for node in range(len(above) - 1, 0, -1):
+        own = min(measured[node], most[node]) + steps[node] if measured[node] > 0 else usual[node]
+        most[above[node]] = max(most[above[node]], own)
+    return np.asarray(np.minimum(skeleton.radius, most))
 
 
 def tapered(

@@ -60,13 +60,25 @@ def test_all_tips_of_the_printed_rule_are_alike() -> None:
 
 def test_measured_wood_keeps_its_radius_and_nothing_grows_outward() -> None:
     tree = random_tree(2000, rng=np.random.default_rng(5))
-    known = np.random.default_rng(6).random(len(tree)) < 0.3
-    known[0] = True
-    tree = Skeleton(tree.position, tree.parent, np.where(known, tree.radius, np.nan))  # itself a pipe model: tapers
+    known = tree.radius > 0.01  # photos show the thicker wood; it tapers
+    tree = Skeleton(tree.position, tree.parent, np.where(known, tree.radius, np.nan))
     radius = DaVinci()(tree, []).radius
     assert (radius[1:] <= radius[tree.parent[1:]] + 1e-15).all()
-    assert_allclose(radius[known], tree.radius[known], rtol=1e-12)
+    thick = tree.radius > 0.03  # well before what is not measured
+    assert_allclose(radius[thick], tree.radius[thick], rtol=1e-12)
+    assert (radius[known] <= tree.radius[known] + 1e-15).all()
     assert (radius > 0).all()
+
+
+def test_measured_wood_thins_to_what_goes_on_from_it() -> None:
+    position = np.column_stack([np.zeros(31), 0.2 * np.arange(31), np.zeros(31)])  # 3 m measured, 3 m not
+    bush = np.array([[x, 0.2, 0.0] for x in np.linspace(1, 2, 99)])
+    parent = np.concatenate([[-1], np.arange(30), np.zeros(99, int)])
+    known = np.concatenate([np.full(16, 0.1), np.full(114, np.nan)])
+    radius = DaVinci()(Skeleton(np.concatenate([position, bush]), parent, known), []).radius
+    assert radius[20] == pytest.approx(0.01, rel=1e-9)  # one tip of a hundred
+    assert radius[5] == 0.1
+    assert np.diff(radius[:31]).min() >= -0.05 * 0.2 - 1e-12
 
 
 def test_a_slip_of_the_measuring_does_not_strangle_what_lies_beyond() -> None:
