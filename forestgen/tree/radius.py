@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.tree.radius_unseen import unseen_radius
 from forestgen.tree.skeleton import Skeleton, branch_order, height_above_tips, main_child
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -41,9 +42,15 @@ class MeasuredTaper(Strategy):
 
     exponent: float = 2.3  # between Da Vinci's 2 and Murray's 3; Tan 2008 (sec. 2) leaves "better rules" open
     twig_share: float = 0.012  # radius of the thinnest twig over the trunk's; ours: 3 mm on a trunk of 50 cm
+    slender: float = 0.06  # of the trunk's radius; unmeasured wood no thicker than this is too thin to be seen before
+    # the sky where the photos show none; 0: it is as thick as elsewhere
 
     def __call__(self, skeleton: Skeleton, views: Sequence[View]) -> Skeleton:
-        return replace(skeleton, radius=measured_taper(skeleton, self.exponent, self.twig_share))
+        radius = measured_taper(skeleton, self.exponent, self.twig_share)
+        if self.slender > 0 and np.isnan(skeleton.radius).any():
+            may_thin = np.isnan(skeleton.radius) & (radius <= self.slender * radius[0])
+            radius = thinned(radius, np.where(may_thin, unseen_radius(skeleton, views), np.inf), skeleton.parent)
+        return replace(skeleton, radius=radius)
 
 
 def trunk_radius(skeleton: Skeleton) -> float:
@@ -94,6 +101,14 @@ def measured_taper(skeleton: Skeleton, exponent: float, twig_share: float) -> ND
         own = max(known, twig) if known >= 0 else max(most * shares[node], beyond[node])
         radius[node] = min(own, most)
     return np.array(radius)
+
+
+def thinned(radius: NDArray[np.float64], most: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Radii (N,) no greater than `most` (N,), and never growing on the way from the root to a tip."""
+    out, above = np.minimum(radius, most).tolist(), parent.tolist()
+    for node in range(1, len(out)):
+        out[node] = min(out[node], out[above[node]])
+    return np.array(out)
 
 
 def carried_length(skeleton: Skeleton) -> NDArray[np.float64]:

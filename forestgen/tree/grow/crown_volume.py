@@ -23,13 +23,13 @@ from forestgen.tree.strokes import fill_outline
 from forestgen.tree.view import View
 
 CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, share of the height (as the measures do)
-PASS = 0.003  # radius of the sky gaps that wood may pass over
 CROSS = 0.012  # and of those that it may cross where there is no other way to a leaf mass, and on a bare tree
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
 BEHIND = 0.02  # what lies this much farther off than the trunk is behind the wood that shows in the photo
 SKIN = 0.03  # this near to the crown's front no limb grows: leaves must hide it, as they hide those of the photo
-LONG = 0.006  # a segment longer than this could leap over a gap that no wood may cross
+LONG = 0.003  # a segment longer than this could leap over a gap that no wood may cross
+PLACES = 8  # of such a segment that are looked at
 PROBES = 4000  # random points that measure the volume
 SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
 
@@ -43,6 +43,7 @@ class CrownVolume:
     crossable: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where it may if there is no other way
     leafy: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where a twig may end
     wooden: tuple[NDArray[np.bool_], ...]  # a view: (H, W) where it may end behind the wood that shows there
+    shown: tuple[NDArray[np.bool_], ...]  # a view: (H, W) the crown as the photo shows it, its gaps left open
     turned: TurnedOutline | None  # None where the views bound the depth
     height: float  # m, of the tree
     low: NDArray[np.float64]  # (3,) box about the crown, m
@@ -77,9 +78,10 @@ class CrownVolume:
     def spans(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether the segments from points (N, 3) to points (N, 3) keep to where wood may pass in between, (N,)."""
         clear = np.ones(len(a), bool)
-        long = np.flatnonzero(np.linalg.norm(b - a, axis=1) > LONG * self.height)
-        for share in (1 / 4, 1 / 2, 3 / 4):
-            clear[long] &= self.allows(a[long] + share * (b[long] - a[long]))[0]
+        length = np.linalg.norm(b - a, axis=1)
+        for share in (np.arange(PLACES) + 0.5) / PLACES:
+            still = np.flatnonzero(clear & (length > LONG * self.height))
+            clear[still] = self.allows(a[still] + share * (b[still] - a[still]))[0]
         return clear
 
     def is_skin(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -130,7 +132,7 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     Raises:
         StageError: a view shows no crown.
     """
-    passable, crossable, leafy, wooden, outlines = [], [], [], [], []
+    passable, crossable, leafy, wooden, shown, outlines = [], [], [], [], [], []
     owns = [own_part(view.mattes.is_tree, view.strokes) for view in views]
     height = _height(owns[0], views[0].camera)
     for view, own in zip(views, owns, strict=True):
@@ -140,8 +142,9 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
         crown = own & inside
         if not crown.any():
             raise StageError(f"{view.photo.name}: no foliage or branch of this tree was found to grow into")
+        shown.append(crown)
         crossable.append(close(own, CROSS * unit))
-        passable.append(crossable[-1] if view.mattes.is_bare else close(own, PASS * unit))
+        passable.append(crossable[-1] if view.mattes.is_bare else own)
         # of a bare tree twigs are the outline; they may lie beside the drawn ones
         ends = dilate(crown, LEAFY * unit) if view.mattes.is_bare else close(crown, LEAFY * unit)
         inner = ~dilate(~ends, MARGIN * unit)
@@ -157,7 +160,17 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
     cameras = tuple(view.camera for view in views)
     hides = not views[0].mattes.is_bare
     return CrownVolume(
-        cameras, tuple(passable), tuple(crossable), tuple(leafy), tuple(wooden), turned, height, low, high, hides
+        cameras,
+        tuple(passable),
+        tuple(crossable),
+        tuple(leafy),
+        tuple(wooden),
+        tuple(shown),
+        turned,
+        height,
+        low,
+        high,
+        hides,
     )
 
 

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.grow import kernels
+from forestgen.tree.grow.aside import step_aside
 from forestgen.tree.grow.crown_volume import CrownVolume
 from forestgen.tree.grow.densify import densify
+from forestgen.tree.grow.sprays import grow_sprays
 from forestgen.tree.grow.uncovered import uncovered_places
 from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child, n_children
 
@@ -32,9 +34,11 @@ LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
 DENSE = 0.022  # of the height: nodes of limbs are no farther apart, so that twigs start all along them
-SCALES = ((4, False), (4, True), (2, False), (1, False))  # spacings of the attractors; whether twigs may cross sky
+SCALES = (4, 2, 1)  # spacings of the attractors
 NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
 NEAR_SKY = 0.02  # and foliage that can be reached only over sky: long-stalked leaves span the rest
+COARSE = 0.03  # of the height: foliage farther from wood in the picture gets a spray before the finer twigs
+FINE = 0.008  # and after them
 ROUNDING = 2  # times that each new node is drawn between its neighbours
 
 
@@ -65,15 +69,17 @@ def grow_twigs(
     these, bear no twigs.
     """
     position, parent = skeleton.position, skeleton.parent
-    for scale, crosses in SCALES:
+    for scale in SCALES:
         target = volume.sample(scale * spacing, rng)
-        where = volume.crossing() if crosses else volume
-        position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
+        position, parent = _extended(position, parent, n_fixed, bare, volume, target, scale * spacing, rng=rng)
+        if scale == SCALES[0]:
+            position, parent = grow_sprays(position, parent, bare, volume, COARSE * volume.height, rng=rng)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
-        for where, near in ((volume, NEAR_ENOUGH), (volume.crossing(), NEAR_SKY)):
-            target = uncovered_places(camera, leafy, position, parent, near * volume.height)
-            target = volume.into_masses(target)
-            position, parent = _extended(position, parent, n_fixed, bare, where, target, 0.5 * spacing, rng=rng)
+        target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
+        target = volume.into_masses(target)
+        position, parent = _extended(position, parent, n_fixed, bare, volume, target, 0.5 * spacing, rng=rng)
+    position, parent = step_aside(position, parent, n_fixed, volume)
+    position, parent = grow_sprays(position, parent, bare, volume, FINE * volume.height, rng=rng)
     radius = np.concatenate([skeleton.radius[:n_fixed], np.full(len(parent) - n_fixed, np.nan)])
     return Skeleton(position, parent, radius)
 

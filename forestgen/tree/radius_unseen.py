@@ -1,0 +1,54 @@
+"""How thick wood can be that the photos do not show, where they would: before the sky."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.view import View
+
+UNSEEN_PX = 0.1  # radius of wood that leaves no trace in a photo
+OVER = 0.25  # share of a segment's way that must lie over what is no tree
+PROBES = 8  # points of a segment that are looked up
+BESIDE_PX = 2.0  # so near to the traced wood it may well be seen: the matte is narrower there
+SHIFT = 4  # binary digits of a pixel that lines are drawn to
+
+
+def unseen_radius(skeleton: Skeleton, views: Sequence[View]) -> NDArray[np.float64]:
+    """The greatest radius (N,), metres, of the segment to each node; inf where no photo bounds it."""
+    most = np.full(len(skeleton), np.inf)
+    for view in views:
+        over = share_over(skeleton, view, empty_part(view))
+        bound = UNSEEN_PX / view.camera.px_per_metre
+        most = np.where(over >= OVER, np.minimum(most, bound), most)
+    return most
+
+
+def empty_part(view: View) -> NDArray[np.bool_]:
+    """Where (H, W) a photo shows neither the tree nor anything beside its traced wood."""
+    graph = view.branches
+    beside = np.zeros(view.mattes.foliage.shape, np.uint8)
+    xy = np.round((graph.xy - 0.5) * 2**SHIFT).astype(np.int32)
+    width = np.maximum(1, np.rint(2 * (np.nan_to_num(graph.radius_px) + BESIDE_PX))).astype(int)
+    for node in range(1, len(xy)):
+        start, end = xy[graph.parent[node]].tolist(), xy[node].tolist()
+        cv2.line(beside, start, end, 1, int(width[node]), cv2.LINE_8, SHIFT)
+    return np.asarray(~view.mattes.is_tree & (beside == 0))
+
+
+def share_over(skeleton: Skeleton, view: View, part: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The share (N,) of the segment to each node that lies over a part (H, W) of the photo; 0 for the root."""
+    end = view.camera.project(skeleton.position)
+    start = end[np.maximum(skeleton.parent, 0)]
+    height, width = part.shape
+    share = np.zeros(len(end))
+    for t in (np.arange(PROBES) + 0.5) / PROBES:
+        column, row = np.floor(start + t * (end - start)).astype(np.int64).T
+        framed = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        share += framed & part[row.clip(0, height - 1), column.clip(0, width - 1)]
+    share[0] = 0
+    return share / PROBES
