@@ -13,6 +13,7 @@ from forestgen.tree.trace.wood_model import WoodModel
 from forestgen.tree.trace.wood_network import wood_network
 
 CLOSE = 0.04  # of the crown's height: gaps in the crown up to this wide are no silhouette
+FOOT = 0.06  # of the tree's height in the photo: lower, wood ends at the ground and not in a tip
 ASTRAY = 0.05  # of the crown's height: a seed farther from the tree is none
 
 
@@ -25,7 +26,8 @@ def wood_tips(model: WoodModel, mattes: Mattes, strokes: Strokes) -> NDArray[np.
     free = ends[network.ends < 0]
     own = own_part(mattes.is_tree | model.wood, strokes)
     column, row = free.astype(int).T
-    return np.asarray(free[own[row, column] & (free[:, 1] < strokes.root[1])])
+    lowest = strokes.root[1] - FOOT * (strokes.root[1] - strokes.crown[:, 1].min())
+    return np.asarray(free[own[row, column] & (free[:, 1] < lowest)])
 
 
 def silhouette_seeds(mattes: Mattes, strokes: Strokes, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
