@@ -64,7 +64,8 @@ class LiveWire(Strategy):
         tall = drawn_height(strokes)
         model = wood_model(mattes, round(self.least_wood * tall), (self.leaf_hole * tall) ** 2)
         routes, is_stroke = self.slid(model, strokes, tall)
-        prices = price_map(model, is_stroke, tall, self.cells, wood=self.wood, leaf=1.0, sky=self.sky)
+        drawn_points = np.concatenate([strokes.crown, *strokes.branches])
+        prices = price_map(model, is_stroke, drawn_points, tall, self.cells, wood=self.wood, leaf=1.0, sky=self.sky)
         ways = WayTree([int(prices.cell(strokes.root[None])[0])])
         drawn, tips, silhouette = self.all_seeds(model, mattes, strokes, routes, rng=rng)
         for batch in drawn:
@@ -142,6 +143,7 @@ def trace_ways(
     price.reshape(-1)[ways.pixel] *= traced
     cost, onward = cheapest_ways(price, ways.pixel[0], STEPS)
     cells = np.unique(prices.cell(seeds))
+    cells = cells[np.isfinite(cost[cells])]
     for cell in cells[np.argsort(cost[cells], kind="stable")]:
         way = ways.way(int(cell), onward)
         if is_wanted(way):

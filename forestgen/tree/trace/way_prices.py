@@ -12,6 +12,7 @@ from forestgen.tree.trace.wood_model import WoodModel
 
 BESIDE = 1.0  # how much dearer the rim of a limb is than its middle, as a share
 LIMB_CELLS = 15  # as wide as a limb is, in cells: its middle is looked for within them
+AROUND = 0.05  # of the tree's height: no way leaves the box of the strokes by more
 RIM = 1.5  # how much dearer leaves on the outline are than those well inside, as a share: no way runs along it
 RIM_DEPTH = 0.03  # of the tree's height: how deep that reaches
 
@@ -37,9 +38,20 @@ class PriceMap:
 
 
 def price_map(
-    model: WoodModel, is_stroke: NDArray[np.bool_], tall_px: float, cells: int, *, wood: float, leaf: float, sky: float
+    model: WoodModel,
+    is_stroke: NDArray[np.bool_],
+    drawn: NDArray[np.float64],
+    tall_px: float,
+    cells: int,
+    *,
+    wood: float,
+    leaf: float,
+    sky: float,
 ) -> PriceMap:
-    """Prices on a grid in which the tree is about `cells` high; a stroke costs as much as wood."""
+    """Prices on a grid in which the tree is about `cells` high; a stroke costs as much as wood.
+
+    They are infinite, no way leads there, farther than a margin out of the box of what is drawn (K, 2) px.
+    """
     factor = max(tall_px / cells, 1.0)
     size = tuple(max(1, round(side / factor)) for side in model.wood.shape[::-1])
 
@@ -56,4 +68,9 @@ def price_map(
     price = leaf * (1 + RIM * rim) * covered + sky * (1 - covered)
     price = np.where(is_wood, np.minimum(on_wood, price), price)
     price = np.where(coarse(is_stroke) > 0.1, np.minimum(wood, price), price)
+    low = np.maximum((drawn.min(axis=0) - AROUND * tall_px) / factor, 0).astype(int)
+    high = np.ceil((drawn.max(axis=0) + AROUND * tall_px) / factor).astype(int)
+    box = np.full(price.shape, np.inf)
+    box[low[1] : high[1], low[0] : high[0]] = 0
+    price = price + box
     return PriceMap(price.astype(np.float64), np.asarray(distance * is_wood, np.float32), factor)
