@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.model import Bark
+from forestgen.tree.painted import painted_over
 from forestgen.tree.quilting import blur_torus, enlarge, quilt, valid_places
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import draw_polyline
@@ -36,7 +37,7 @@ class BarkFromPhoto(Strategy):
     limbs: float = 0.6  # weight of all the wood's colour beside the trunk's, on a bare tree: it is mostly limbs
 
     def __call__(self, views: Sequence[View], *, rng: np.random.Generator) -> Bark:
-        """The bark of the tree, from the view that shows most of it."""
+        """The bark of the tree, from the view that shows most of it, in the mean colour of all of them."""
         strips = [trunk_strip(view, np.deg2rad(self.half_angle_deg), self.width_px) for view in views]
         best = max(range(len(views)), key=lambda k: float(strips[k].is_bark.sum()))
         strip = strips[best]
@@ -48,9 +49,8 @@ class BarkFromPhoto(Strategy):
         columns = max(2, round(np.pi * strip.radius / (patch - overlap)))
         rows = max(2, round(self.tallness * columns))
         tile = quilt(even.rgb, even.is_bark, (rows, columns), patch, overlap, rng=rng)
-        colour = bark_colour(strip)
-        if views[best].mattes.is_bare:
-            colour = colour + np.float32(self.limbs) * (wood_colour(views[best]) - colour)
+        shown = [(view, one) for view, one in zip(views, strips, strict=True) if one.is_bark.any()]
+        colour = np.asarray(np.mean([self.colour(view, one) for view, one in shown], axis=0), np.float32)
         height = 64 * max(1, round(self.width_px * rows / columns / 64))
         large = enlarge(balanced(tile, colour), (height, self.width_px), self.detail)
         return Bark(
@@ -58,6 +58,12 @@ class BarkFromPhoto(Strategy):
             width_m=tile.shape[1] / strip.px_per_metre,
             height_m=tile.shape[0] / strip.px_per_metre,
         )
+
+    def colour(self, view: View, strip: TrunkStrip) -> NDArray[np.float32]:
+        """Mean sRGB (3,) of the bark in one view, which has its own light."""
+        trunk = bark_colour(strip)
+        leaves = view.mattes.is_foliage & ~painted_over(view.strokes.density, view.mattes.foliage.shape)
+        return trunk if leaves.any() else trunk + np.float32(self.limbs) * (wood_colour(view) - trunk)
 
 
 def wood_colour(view: View) -> NDArray[np.float32]:

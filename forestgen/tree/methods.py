@@ -28,9 +28,11 @@ from forestgen.tree.lift.spread_branches import SpreadBranches
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.radius import ConstantRatio, MeasuredTaper
 from forestgen.tree.segment import Segment
+from forestgen.tree.segment.closed_form import ClosedFormMatte
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
 from forestgen.tree.trace import Trace
 from forestgen.tree.trace.circle_tracing import CircleTracing
+from forestgen.tree.trace.live_wire import LiveWire
 from forestgen.tree.trace.smooth_paths import SmoothPaths
 
 
@@ -83,17 +85,27 @@ NEUBERT_2007 = replace(
     radius=DaVinci(),
     leaves=LeavesByDensity(),
 )
+NEUBERT_2007_PAPER = replace(
+    NEUBERT_2007,
+    segment=ClosedFormMatte(pull=0.0, open_sky=False),
+    trace=LiveWire(seeds="both"),
+    lift=ParticleFlow.paper(),
+    grow=PhyllotaxisTwigs.paper(),
+    radius=DaVinci(measured=False),
+    leaves=LeavesByDensity(density_resolution=25, tries=1, fill_rounds=0),
+)
 METHODS = {
     "tan2008": TAN_2008,
     "tan2008_paper": TAN_2008_PAPER,
     "neubert2007": NEUBERT_2007,
+    "neubert2007_paper": NEUBERT_2007_PAPER,
 }
 
 STAGES = tuple(field.name for field in fields(Method))
 
 STRATEGIES: Mapping[str, Mapping[str, Any]] = {
-    "segment": {"graph_cut": GraphCutFoliage()},
-    "trace": {"circle_tracing": CircleTracing(), "smooth_paths": SmoothPaths()},
+    "segment": {"graph_cut": GraphCutFoliage(), "closed_form": ClosedFormMatte()},
+    "trace": {"circle_tracing": CircleTracing(), "smooth_paths": SmoothPaths(), "live_wire": LiveWire()},
     "lift": {"spread_branches": SpreadBranches(), "particle_flow": ParticleFlow()},
     "grow": {"subtree_replacement": SubtreeReplacement(), "phyllotaxis": PhyllotaxisTwigs()},
     "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper(), "da_vinci": DaVinci()},
