@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,6 +38,21 @@ class DensityStroke:
         freeze(self, path=(np.float64, "K", 2))
 
 
+NO_POINTS: NDArray[np.float64] = np.empty((0, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SkeletonEdits:
+    """What a person changed about where branches end: vertices of the wood's outline (Kim & Jeong 2014, sec. II.2)."""
+
+    merge: NDArray[np.float64] = field(default_factory=NO_POINTS.copy)  # (K, 2) px, each at a vertex: its two sides
+    # become one part of the outline, and the branch between them goes
+    vertices: NDArray[np.float64] = field(default_factory=NO_POINTS.copy)  # (K, 2) px: a branch ends here
+
+    def __post_init__(self) -> None:
+        freeze(self, merge=(np.float64, "K", 2), vertices=(np.float64, "V", 2))
+
+
 @dataclass(frozen=True, eq=False)
 class Strokes:
     """One tree's strokes in pixels of the upright photo. K points a stroke; all lie inside the photo."""
@@ -46,6 +61,7 @@ class Strokes:
     branches: tuple[NDArray[np.float64], ...]  # each (K_i, 2); the first is the trunk, from the root upward
     background: tuple[NDArray[np.float64], ...] = ()  # each (K_i, 2)
     density: tuple[DensityStroke, ...] = ()
+    skeleton: SkeletonEdits = field(default_factory=SkeletonEdits)
     size: tuple[int, int] | None = None  # (width, height) of the photo it was drawn on
     photo: str = ""  # a hint for people
 
@@ -57,7 +73,8 @@ class Strokes:
             raise ValueError(f"Strokes.crown has {len(self.crown)} points; expected at least 3")
         if not self.branches or any(len(path) < 2 for path in self.branches):
             raise ValueError("Strokes.branches needs the trunk, and at least 2 points in every stroke")
-        points = np.concatenate([self.crown, *self.branches, *self.background, *(d.path for d in self.density)])
+        edits = (self.skeleton.merge, self.skeleton.vertices)
+        points = np.concatenate([self.crown, *self.branches, *self.background, *(d.path for d in self.density), *edits])
         if not np.isfinite(points).all():
             raise ValueError("Strokes hold NaN")
         if self.size is not None and not ((points >= 0).all() and (points <= self.size).all()):
@@ -90,6 +107,11 @@ class DensityTable(Table):
     path: Annotated[list[Point], Len(1)] = Field(description="points [x, y] in pixels of the photo")
 
 
+class SkeletonTable(Table):
+    merge: list[Point] = Field(default=[], description="points [x, y] at tips that are no branch's")
+    vertices: list[Point] = Field(default=[], description="points [x, y] on the wood's outline where a branch ends")
+
+
 class StrokeTable(Table):
     """A stroke set as it stands in its file."""
 
@@ -102,6 +124,9 @@ class StrokeTable(Table):
     branches: list[list[Point]] = Field(description="a list of lines, the trunk first, each a list of points [x, y]")
     background: list[list[Point]] = Field(default=[], description="a list of lines, each a list of points [x, y]")
     density: list[DensityTable] = Field(default=[], description="a list of tables with the keys add, radius and path")
+    skeleton: SkeletonTable = Field(
+        default_factory=SkeletonTable, description="a table with the keys merge and vertices, each a list of points"
+    )
 
 
 def load_strokes(path: Path, photo_size: tuple[int, int] | None = None, *, tree: int | None = None) -> Strokes:
@@ -145,6 +170,10 @@ def strokes_from(table: StrokeTable, where: str, photo_size: tuple[int, int] | N
             DensityStroke(one.add, one.radius, _inside(one.path, size, f"{where}: density[{k}].path"))
             for k, one in enumerate(table.density, 1)
         ),
+        skeleton=SkeletonEdits(
+            merge=_inside(table.skeleton.merge, size, f"{where}: skeleton.merge"),
+            vertices=_inside(table.skeleton.vertices, size, f"{where}: skeleton.vertices"),
+        ),
         size=size,
         photo=table.photo,
     )
@@ -166,6 +195,11 @@ def save_strokes(strokes: Strokes, path: Path) -> None:
         "branches": [line.tolist() for line in strokes.branches],
         "background": [line.tolist() for line in strokes.background],
         "density": [{"add": d.add, "radius": d.radius_px, "path": d.path.tolist()} for d in strokes.density],
+        "skeleton": {
+            key: getattr(strokes.skeleton, key).tolist()
+            for key in ("merge", "vertices")
+            if len(getattr(strokes.skeleton, key))
+        },
     }
     lines = [f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in entries.items() if value]
     Path(path).write_text("{" + ",\n ".join(lines) + "}\n", encoding="utf-8")

@@ -67,7 +67,7 @@ class SmoothPaths(Strategy):
         for route in routes:
             is_stroke |= draw_polyline(route, size)
         start, foot = trunk_foot(model.distance, routes[0])
-        network = wood_network(model.wood | is_stroke, model.distance, foot)
+        network = self.network(model, is_stroke, foot, strokes)
         prices = WayPrices(
             turn_px=self.turn * tall,
             view_px=max(self.view * tall, 6),
@@ -92,7 +92,7 @@ class SmoothPaths(Strategy):
         )
         xy, parent, hidden = np.array(tree.xy), np.array(tree.parent), np.array(tree.is_hidden)
         width = raw_half_width(model.distance, xy)
-        kept = without_twiglets(xy, parent, width, max(self.least_twig * tall, 4))
+        kept = self.without_bumps(xy, parent, width, strokes)
         place = np.full(len(xy), -1)
         place[kept] = np.arange(len(kept))
         above = np.where(parent[kept] < 0, -1, place[parent[kept]])
@@ -100,6 +100,18 @@ class SmoothPaths(Strategy):
         trust = 1 / (1 + 20 * at_points(leafy, xy[kept]))
         lines = centre_lines(xy[kept], above, width[kept], hidden[kept], trust, max(self.smooth * tall, 1.5))
         return assemble(lines, model, off_px=max(self.off_line * tall, 0.6), longest_px=self.longest_edge * tall)
+
+    def network(
+        self, model: WoodModel, is_stroke: NDArray[np.bool_], foot: NDArray[np.bool_], strokes: Strokes
+    ) -> WoodNetwork:
+        """Medial lines of the visible wood and of the strokes (H, W), without the trunk's `foot` (H, W)."""
+        return wood_network(model.wood | is_stroke, model.distance, foot)
+
+    def without_bumps(
+        self, xy: NDArray[np.float64], parent: NDArray[np.int64], width: NDArray[np.float64], strokes: Strokes
+    ) -> NDArray[np.int64]:
+        """Indices of the nodes (N,) of the traced tree that are no bumps of its outline."""
+        return without_twiglets(xy, parent, width, max(self.least_twig * drawn_height(strokes), 4))
 
 
 def drawn_height(strokes: Strokes) -> float:
