@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.axes import stem_end
-from forestgen.tree.grow.boughs import boughs_of, steepness
-from forestgen.tree.grow.crown_volume import CLOSE, CROSS, CrownVolume, close, crown_volume
-from forestgen.tree.grow.densify import densify
+from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
-from forestgen.tree.grow.growth_form import growth_form, is_tiered, leader
-from forestgen.tree.grow.leaf_masses import FINEST, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
 from forestgen.tree.grow.subtree_library import PREDEFINED, Subtree, choose_diverse, load_subtrees, subtrees_of
-from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
-from forestgen.tree.grow.twigs import grow_twigs, smooth
+from forestgen.tree.grow.twigs import smooth
+from forestgen.tree.grow.whole_crown import Spacing, crown_tree, with_twigs
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy, folder_setting
 from forestgen.tree.view import View
 
-VISIBLE_SPACING = 0.02  # of the height: nodes of visible branches are no farther apart
 ROUNDING = 3  # times that each new node is drawn between its neighbours, so that joints do not kink
-BARE_TRUNK = 0.75  # of the trunk bears no twigs, only limbs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,15 +80,10 @@ class SubtreeReplacement(Strategy):
         volume = crown_volume(views, is_round=self.round_crown)
         if volume.turned is not None:
             skeleton = drawn_in(skeleton, volume.cameras[0], volume.turned)
-        visible, _ = densify(skeleton, VISIBLE_SPACING * volume.height)
-        tree = GrowingTree(visible, stem_end(visible, views[0]))
-        outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
-        form = growth_form(tree.line(0), outline)
+        tree, volume, form = crown_tree(
+            skeleton, views[0], volume, has_leader=self.leader, has_masses=self.leaf_masses, rng=rng
+        )
         library = self._library(skeleton, stem_end(skeleton, views[0]), form)
-        if form == "excurrent" and self.leader:
-            tree.lead(leader(tree.line(0), outline, volume.height))
-        if volume.turned is not None and self.leaf_masses:
-            volume = replace(volume, masses=self._masses(tree, volume, volume.turned, form, rng=rng))
         image, space = self._attractors(tree, views, volume, rng=rng)
         h = volume.height
         share = 1.0 if self.whole_branches else 0.4
@@ -107,11 +95,8 @@ class SubtreeReplacement(Strategy):
         grown = Skeleton(position, tree.parent, tree.skeleton.radius)
         if not self.twigs:
             return grown
-        trunk = tree.axes[0].nodes
-        bare = trunk[(np.arange(len(trunk)) < BARE_TRUNK * len(trunk)) & (trunk < tree.n_visible)]
-        finest, coarsest = (volume.spacing_for(count, rng) for count in (self.most_twigs, self.least_twigs))
-        spacing = float(np.clip(self.twig_interval * h, finest, coarsest))
-        return grow_twigs(grown, tree.n_visible, bare, volume, spacing, rng=rng)
+        spacing = Spacing(interval=self.twig_interval, least=self.least_twigs, most=self.most_twigs)
+        return with_twigs(grown, tree, volume, spacing, rng=rng)
 
     def _library(self, skeleton: Skeleton, stem: int, form: str) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""
@@ -121,27 +106,6 @@ class SubtreeReplacement(Strategy):
         chosen = choose_diverse(visible, self.n_subtrees // 2)
         rest = choose_diverse(predefined, self.n_subtrees - len(chosen) - len(own))
         return (*own, *chosen, *rest)[: self.n_subtrees]
-
-    def _masses(
-        self, tree: GrowingTree, volume: CrownVolume, turned: TurnedOutline, form: str, *, rng: np.random.Generator
-    ) -> LeafMasses:
-        """The crown's leaf masses; a single stem gets the boughs that carry them."""
-        leafy, camera, h = volume.leafy[0], volume.cameras[0], volume.height
-        hull = Hull.of(turned, rng=rng)
-        closed = close(leafy, (CROSS if volume.hides else CLOSE) * h * camera.px_per_metre)
-        sizes = lobe_sizes(closed, camera.px_per_metre, h)
-        outer = tree.position[outer_nodes(tree)]
-        if not is_tiered(form, turned):
-            return leaf_masses(closed, camera, hull, sizes, h, outer, rng=rng)
-        steep = steepness(tree.position, tree.axes, turned.axes[0], h)
-        boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, rng=rng)
-        for bough in boughs:
-            tree.bear(0, bough.foot, bough.points)
-        nodes = np.concatenate([bough.points for bough in boughs] or [np.zeros((0, 3))])
-        width = np.concatenate([bough.width for bough in boughs] or [np.zeros(0)])
-        seen = np.full(len(outer), 2 * FINEST * h)
-        at, wide = np.concatenate([nodes[width > 0], outer]), np.concatenate([width[width > 0], seen])
-        return tiers(closed, camera, turned, h, at, wide)
 
     def _attractors(
         self, tree: GrowingTree, views: Sequence[View], volume: CrownVolume, *, rng: np.random.Generator
@@ -158,11 +122,3 @@ class SubtreeReplacement(Strategy):
         if self.round_crown:
             space.add(volume.sample(self.volume_interval * volume.height, rng), *tree.segments())
         return image, space
-
-
-def outer_nodes(tree: GrowingTree) -> NDArray[np.int64]:
-    """Nodes of the visible side branches in their outer halves, tips first: these carry leaf masses."""
-    found: list[int] = []
-    for axis in tree.axes[1:]:
-        found += axis.nodes[len(axis.nodes) // 2 :][::-1].tolist()
-    return np.array(found, np.int64)
