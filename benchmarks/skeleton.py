@@ -111,15 +111,14 @@ def points_of(graph: BranchGraph, wood: NDArray[np.bool_]) -> tuple[Points, Poin
 
 
 def measure(places: Points, ends: Points, seen: Points, every: Points, tips: Points) -> tuple[float, ...]:
-    """Precision, recall, share and number of redundant ends, share of shortened branches, number of ends."""
-    off = 1 - near(ends, every, WITHIN)
+    """Precision, recall; numbers of redundant ends, of ends, of shortened branches, of branches."""
     return (
         near(places, every, WITHIN),
         near(seen, places, WITHIN),
-        off,
-        off * len(ends),
-        1 - near(tips, places, WITHIN),
-        float(len(ends)),
+        (1 - near(ends, every, WITHIN)) * len(ends),
+        len(ends),
+        (1 - near(tips, places, WITHIN)) * len(tips),
+        len(tips),
     )
 
 
@@ -130,7 +129,7 @@ def ragged(wood: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(inside - outside + 0.9 * noise / noise.std() > 0)
 
 
-def by_parts(wood: NDArray[np.bool_], vertices: int = 0, relevance: float = 0.006) -> NDArray[np.bool_]:
+def by_parts(wood: NDArray[np.bool_], vertices: int = 0, relevance: float = 0.004) -> NDArray[np.bool_]:
     """Thinned, then pruned by the parts of the outline; by m vertices or by their relevance."""
     tall = float(np.ptp(np.flatnonzero(wood.any(axis=1))))
     contours = outlines_of(wood)
@@ -144,15 +143,15 @@ def main() -> None:
         sys.exit(f"skipped: no {folder}")
     ways: dict[str, Callable[[NDArray[np.bool_]], NDArray[np.bool_]]] = {
         "thinning": lambda wood: np.asarray(skeletonize(wood.copy()), bool),
-        "parts, R >= 0.003": lambda wood: by_parts(wood, relevance=0.003),
-        "parts, R >= 0.006": by_parts,
-        "parts, R >= 0.012": lambda wood: by_parts(wood, relevance=0.012),
+        "parts, R >= 0.002": lambda wood: by_parts(wood, relevance=0.002),
+        "parts, R >= 0.004": by_parts,
+        "parts, R >= 0.008": lambda wood: by_parts(wood, relevance=0.008),
         "parts, m = 300": lambda wood: by_parts(wood, vertices=300),
         "parts, m = 1000": lambda wood: by_parts(wood, vertices=1000),
     }
     tracers: dict[str, SmoothPaths] = {
         "smooth paths": SmoothPaths(),
-        "pruned skeleton, R >= 0.003": PrunedSkeleton(relevance=0.003),
+        "pruned skeleton, R >= 0.002": PrunedSkeleton(relevance=0.002),
         "pruned skeleton": PrunedSkeleton(),
         "pruned skeleton, m = 300": PrunedSkeleton(vertices=300),
     }
@@ -170,12 +169,14 @@ def main() -> None:
                 start = process_time()
                 graph = tracer(case.photo, case.strokes, spoiled, rng=np.random.default_rng(0))
                 rows[way].append((*measure(*points_of(graph, mask), seen, every, tips), process_time() - start))
-        print(f"\n{title}, means over {len(rows['thinning'])} photos; below, whole traced trees where wood is seen")
-        print("| skeleton | precision | recall | redundant ends | of them | shortened | ends | seconds |")
-        print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+        print(f"\n{title}: {len(rows['thinning'])} photos; below, whole traced trees where wood is seen")
+        print("| skeleton | precision | recall | redundant ends | shortened branches | seconds a photo |")
+        print("| --- | ---: | ---: | ---: | ---: | ---: |")
         for way, found in rows.items():
-            p, r, off, n_off, short, ends, spent = np.nanmean(found, axis=0)
-            print(f"| {way} | {p:.3f} | {r:.3f} | {off:.3f} | {n_off:.0f} | {short:.3f} | {ends:.0f} | {spent:.2f} |")
+            precision, recall, *_, spent = np.mean(found, axis=0)
+            off, ends, short, branches = np.sum(found, axis=0)[2:6]
+            print(f"| {way} | {precision:.3f} | {recall:.3f} | {off:.0f} of {ends:.0f} = {off / ends:.1%}", end="")
+            print(f" | {short:.0f} of {branches:.0f} = {short / branches:.1%} | {spent:.2f} |")
 
 
 if __name__ == "__main__":

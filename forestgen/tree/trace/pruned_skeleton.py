@@ -32,7 +32,7 @@ class PrunedSkeleton(SmoothPaths):
 
     vertices: int = 0  # m of algorithm 1, for all outlines together; its value is the user's, none is printed.
     # 0: as many as have the relevance below, so that a tree of many twigs keeps more than one of few
-    relevance: float = 0.006  # least R that a vertex is worth, lengths as shares of the tree's height; ours
+    relevance: float = 0.004  # least R that a vertex is worth, lengths as shares of the tree's height; ours
 
     def __post_init__(self) -> None:
         if self.vertices and self.vertices < FEWEST:
