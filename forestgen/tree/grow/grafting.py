@@ -30,6 +30,7 @@ from forestgen.tree.strategy import OnStep, Strategy
 from forestgen.tree.view import View
 
 SHORT_END, TIPWARD = 0.3, 1.2  # L units at a visible branch's tip are so much shorter, and grow so fast below it
+FORK = 0.5  # of a visible branch's length: what the Y unit at its tip is in scale to; a trunk's twigs are no trunks
 LEAST = 0.03  # of the height: visible side branches as long as this say what units look like
 
 
@@ -135,7 +136,7 @@ def visible_sites(
         before = rng.uniform(0, 2 * np.pi) + form.turn.mean * np.arange(len(at), dtype=np.float64)
         bearer = np.asarray(whole * np.clip(TIPWARD * (1 - along[at] / whole) + SHORT_END, 0, 1), np.float64)
         found.append(l_units(axis.nodes[at], ahead[at], before, bearer, form, rng=rng))
-        found.append(y_units(axis.nodes[-1:], ahead[-1:], along[-1:], form, rng=rng))
+        found.append(y_units(axis.nodes[-1:], ahead[-1:], FORK * along[-1:], form, rng=rng))
     return joined(found)
 
 
