@@ -25,7 +25,8 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.tubes import Tubes, sweep, vertex_normals, with_domes
 
-SMALLEST = 1e-4  # radius below which a twig is not drawn thinner, as a share of the tree's size
+SMALLEST = 1e-4  # radius of wood without thickness, and below which rings get no denser, as a share of the tree's size
+THREAD = 2e-5  # radius below which a twig is not drawn thinner
 ROUGH_SIDES = 10  # limbs with that many sides show the wood's unevenness in full
 FILLET_SIDES = 5  # thinner limbs join without a fillet: it would be smaller than a pixel
 TAPER = 6.0  # radii of way over which a tip of the tree narrows
@@ -82,7 +83,8 @@ class GeneralisedCylinders(Strategy):
         position, radius = relaxed(skeleton, continues, limit)
         even = Skeleton(position, skeleton.parent, radius)
         limbs = limbs_along(even, without_hairpins(even, continues))
-        knot_radius = np.maximum(limb_radii(limbs, position, radius, self.tip), SMALLEST * size)
+        own = limb_radii(limbs, position, radius, self.tip)
+        knot_radius = np.maximum(own, np.where(own > 0, THREAD, SMALLEST) * size)
         ratio = knot_radius[limbs.first[:-1]] / np.maximum(knot_radius[limbs.socket], SMALLEST * size)
         room = bow + 0.5 * knot_radius
         return curve_through(limbs, position[limbs.node], knot_radius, self.lean * np.clip(ratio, 0, 1), room)
@@ -98,13 +100,14 @@ class GeneralisedCylinders(Strategy):
         """Cross-sections where bends, taper, junctions and the root's flare need them."""
         n_side = sides[curves.limbs.limb]
         far = np.where(n_side > self.min_sides, np.where(n_side >= ROUGH_SIDES, 1.5, 6.0), 60.0)
-        tolerance = np.maximum(self.straightness * size, np.where(n_side > self.min_sides, 0.03, 0.7) * curves.radius)
-        station, limb = needed_stations(curves, tolerance, far * curves.radius)
+        thick = np.maximum(curves.radius, SMALLEST * size)
+        tolerance = np.maximum(self.straightness * size, np.where(n_side > self.min_sides, 0.03, 0.7) * thick)
+        station, limb = needed_stations(curves, tolerance, far * thick)
         foot = flare_stations(float(curves.begin[0]), sink, float(curves.radius[0]))
         collar, owner = collar_stations(curves, joints)
         zones, owners = np.concatenate([foot, collar]), np.concatenate([np.zeros(len(foot), np.int64), owner])
         station, limb = with_zones(station, limb, zones, owners, curves)
-        return place_rings(curves, station, limb, 1 + 2 * self.roughness, SMALLEST * size)
+        return place_rings(curves, station, limb, 1 + 2 * self.roughness, THREAD * size)
 
     def shape(
         self, tubes: Tubes, curves: LimbCurves, joints: Sockets, sides: NDArray[np.int64], sink: float

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
-UNSEEN_PX = 0.1  # radius of wood that leaves no trace in a photo
-OVER = 0.25  # share of a segment's way that must lie over what is no tree
+UNSEEN_PX = 0.05  # radius of wood that leaves no trace in a photo
+OVER = 0.12  # share of a segment's way that must lie over what is no tree
 PROBES = 8  # points of a segment that are looked up
 BESIDE_PX = 2.0  # so near to the traced wood it may well be seen: the matte is narrower there
 SHIFT = 4  # binary digits of a pixel that lines are drawn to

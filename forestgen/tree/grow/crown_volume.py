@@ -23,6 +23,7 @@ from forestgen.tree.strokes import fill_outline
 from forestgen.tree.view import View
 
 CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, share of the height (as the measures do)
+PASS = 0.003  # radius of the sky gaps that wood may pass over
 CROSS = 0.012  # and of those that it may cross where there is no other way to a leaf mass, and on a bare tree
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits
@@ -144,7 +145,7 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
             raise StageError(f"{view.photo.name}: no foliage or branch of this tree was found to grow into")
         shown.append(crown)
         crossable.append(close(own, CROSS * unit))
-        passable.append(crossable[-1] if view.mattes.is_bare else own)
+        passable.append(crossable[-1] if view.mattes.is_bare else close(own, PASS * unit))
         # of a bare tree twigs are the outline; they may lie beside the drawn ones
         ends = dilate(crown, LEAFY * unit) if view.mattes.is_bare else close(crown, LEAFY * unit)
         inner = ~dilate(~ends, MARGIN * unit)

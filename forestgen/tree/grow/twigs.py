@@ -34,9 +34,8 @@ LIFT = 0.12  # upward, against the pull of 1: light
 WANDER = 0.12  # random, against the pull of 1
 MAX_STEPS = 80
 DENSE = 0.022  # of the height: nodes of limbs are no farther apart, so that twigs start all along them
-SCALES = (4, 2, 1)  # spacings of the attractors
+SCALES = ((4, False), (4, True), (2, False), (1, False))  # spacings of the attractors; whether twigs may cross sky
 NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the picture needs no more
-NEAR_SKY = 0.02  # and foliage that can be reached only over sky: long-stalked leaves span the rest
 COARSE = 0.03  # of the height: foliage farther from wood in the picture gets a spray before the finer twigs
 FINE = 0.008  # and after them
 ROUNDING = 2  # times that each new node is drawn between its neighbours
@@ -69,10 +68,11 @@ def grow_twigs(
     these, bear no twigs.
     """
     position, parent = skeleton.position, skeleton.parent
-    for scale in SCALES:
+    for scale, crosses in SCALES:
         target = volume.sample(scale * spacing, rng)
-        position, parent = _extended(position, parent, n_fixed, bare, volume, target, scale * spacing, rng=rng)
-        if scale == SCALES[0]:
+        where = volume.crossing() if crosses else volume
+        position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
+        if crosses:
             position, parent = grow_sprays(position, parent, bare, volume, COARSE * volume.height, rng=rng)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
         target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
