@@ -61,6 +61,23 @@ def test_background_density_and_photo_may_be_left_out(tmp_path: Path) -> None:
     assert strokes.photo == ""
 
 
+def test_edits_of_the_skeleton_are_kept(tmp_path: Path) -> None:
+    edits = {"merge": [[60, 20.5], [60, 20.5]], "vertices": [[62, 18]]}
+    strokes = load_strokes(written(tmp_path, stroke_set(skeleton=edits)), SIZE)
+    assert_array_equal(strokes.skeleton.merge, [[60, 20.5]])
+    assert_array_equal(strokes.skeleton.vertices, [[62, 18]])
+    save_strokes(strokes, tmp_path / "again.json")
+    assert_array_equal(load_strokes(tmp_path / "again.json", SIZE).skeleton.vertices, [[62, 18]])
+    assert len(load_strokes(written(tmp_path, stroke_set()), SIZE).skeleton.merge) == 0
+    for wrong, message in (
+        ({"merged": []}, "merged"),
+        ({"merge": [[1, 2, 3]]}, "merge"),
+        ({"vertices": [[400, 2]]}, r"skeleton.vertices\[1\]: expected a point inside the photo"),
+    ):
+        with pytest.raises(InputError, match=message):
+            load_strokes(written(tmp_path, stroke_set(skeleton=wrong)), SIZE)
+
+
 def test_small_slips_of_the_hand_are_mended(tmp_path: Path) -> None:
     slips = stroke_set(
         crown=[[30, 10], [70, -1.9], [70, -1.9], [101.5, 50], [30, 50], [30, 10]],  # outside, twice, closed

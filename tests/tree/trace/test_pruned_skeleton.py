@@ -168,3 +168,12 @@ def test_wood_in_islands_is_one_tree() -> None:
     )
     linked = PrunedSkeleton()(tree.photo, tree.strokes, speckled, rng=np.random.default_rng(0))
     assert (linked.parent[1:] < np.arange(1, len(linked))).all()
+
+
+def test_a_matte_that_is_all_wood_or_none_gives_the_trunk() -> None:
+    everywhere = trace(np.ones(SIZE[::-1], bool))
+    assert len(tips(everywhere)) == 1
+    nowhere = trace(np.zeros(SIZE[::-1], bool))
+    assert len(tips(nowhere)) == 1
+    assert np.isnan(nowhere.radius_px).all()  # only the stroke says that there is a trunk
+    assert_array_equal(nowhere.xy[0], [100.0, 250.0])
