@@ -83,33 +83,34 @@ def evolve(contours: Contours, *, whole: float, fewest: int = FEWEST, least: flo
     """
     kept = _without_straight(contours)
     before, after = contours.neighbours(kept)
-    place = contours.xy.tolist()
-    previous = dict(zip(kept.tolist(), before.tolist(), strict=True))
-    following = dict(zip(kept.tolist(), after.tolist(), strict=True))
-    left = np.bincount(contours.ring[kept]).tolist() if len(kept) else []
-    ring = contours.ring.tolist()
-
-    def worth(vertex: int) -> float:
-        return relevance(place[previous[vertex]], place[vertex], place[following[vertex]], whole)
-
-    current = {vertex: worth(vertex) for vertex in previous}
-    queue = [(value, vertex) for vertex, value in current.items()]
+    place, ring = contours.xy.tolist(), contours.ring.tolist()  # plain lists: a loop over them is faster
+    previous, following = [-1] * len(ring), [-1] * len(ring)
+    for vertex, one, other in zip(kept.tolist(), before.tolist(), after.tolist(), strict=True):
+        previous[vertex], following[vertex] = one, other
+    worth = [0.0] * len(ring)  # -1: it went
+    queue = []
+    for vertex in kept.tolist():
+        worth[vertex] = relevance(place[previous[vertex]], place[vertex], place[following[vertex]], whole)
+        queue.append((worth[vertex], vertex))
     heapify(queue)
-    while queue and len(previous) > fewest:
+    left, n_left = np.bincount(contours.ring[kept]).tolist(), len(kept)
+    while queue and n_left > fewest:
         value, vertex = heappop(queue)
-        if vertex not in previous or value != current[vertex]:
+        if value != worth[vertex]:
             continue  # it went, or was weighed anew since
         if value >= least:
             break
         if left[ring[vertex]] <= FEWEST:
             continue
         left[ring[vertex]] -= 1
-        a, c = previous.pop(vertex), following.pop(vertex)
+        n_left -= 1
+        worth[vertex] = -1.0
+        a, c = previous[vertex], following[vertex]
         following[a], previous[c] = c, a
         for one in (a, c):
-            current[one] = worth(one)
-            heappush(queue, (current[one], one))
-    return np.array(sorted(previous), np.int64)
+            worth[one] = relevance(place[previous[one]], place[one], place[following[one]], whole)
+            heappush(queue, (worth[one], one))
+    return kept[np.array(worth)[kept] >= 0]
 
 
 def _without_straight(contours: Contours) -> NDArray[np.int64]:
