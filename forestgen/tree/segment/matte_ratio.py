@@ -7,6 +7,10 @@ conjugate gradient steps on L - lambda D over the pixels that no bound holds, pr
 what lowers the ratio. L - lambda D may be indefinite: without bounds lambda would stay below the smallest
 eigenvalue of the free pixels, with them it need not. A direction of negative curvature is then followed
 until bounds stop it. So the ratio falls in every round, and what is found is a local minimum.
+
+It starts from the numerator's own minimum without bounds, which is the closed-form matte: with bounds
+from the start, pixels that a rough step has laid on a bound are freed again a window a round
+(measured: half the time, and a lower ratio).
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from forestgen.tree.segment.matte_multigrid import approximate_inverse
 
 AT_BOUND = 1e-9  # alpha nearer to 0 or 1 is there
 INNER_STEPS, INNER_TOLERANCE = 25, 0.2  # conjugate gradient steps of a round, and the share of the gradient to end at
+FIRST_STEPS, FIRST_TOLERANCE = 40, 0.05  # the same of the closed-form matte it starts from
 SHORTEST = 2.0**-14  # step at which the search along a direction gives up
 TINY = 1e-300
 
@@ -66,8 +71,8 @@ class Minimum:
 
 
 def minimise(criterion: Criterion, start: Flat, tolerance: float, most_steps: int) -> Minimum:
-    """Walk down the ratio from `start` (n,), which holds the scribbles' values and lies in 0..1."""
-    alpha, steps = start.copy(), 0
+    """Walk down the ratio from the closed-form matte, solved from `start` (n,), which holds the scribbles' values."""
+    alpha, steps = closed_form(criterion, start)
     ratio = criterion.value(alpha)
     while True:
         gradient, here = criterion.gradient(alpha, ratio), alpha[criterion.unknown]
@@ -87,8 +92,27 @@ def minimise(criterion: Criterion, start: Flat, tolerance: float, most_steps: in
         (alpha, ratio), steps = lower, steps + used
 
 
+def closed_form(criterion: Criterion, start: Flat) -> tuple[Flat, int]:
+    """Nearly the numerator's minimum, laid into 0..1, and the steps it took; `start` where that has no lower ratio."""
+    free = criterion.unknown
+    if not len(free):
+        return start, 0
+    inverse = approximate_inverse(criterion.laplacian, free, criterion.pull)
+    wanted = -criterion.gradient(start, 0.0)
+    direction, steps = descend(criterion, 0.0, free, wanted, inverse, FIRST_STEPS, FIRST_TOLERANCE)
+    alpha = start.copy()
+    alpha[free] = np.clip(start[free] + direction, 0, 1)
+    return (alpha if criterion.value(alpha) < criterion.value(start) else start), steps
+
+
 def descend(
-    criterion: Criterion, ratio: float, free: NDArray[np.int64], wanted: Flat, inverse: Callable[[Flat], Flat]
+    criterion: Criterion,
+    ratio: float,
+    free: NDArray[np.int64],
+    wanted: Flat,
+    inverse: Callable[[Flat], Flat],
+    most_steps: int = INNER_STEPS,
+    tolerance: float = INNER_TOLERANCE,
 ) -> tuple[Flat, int]:
     """Conjugate gradients on (L + pull - ratio D) d = wanted over the free pixels, and how many; truncated.
 
@@ -100,7 +124,7 @@ def descend(
     direction, rest = np.zeros(len(free)), wanted.copy()
     way = preconditioned = inverse(rest)
     size = first = float(rest @ preconditioned)
-    for step in range(1, INNER_STEPS + 1):
+    for step in range(1, most_steps + 1):
         field[free] = way
         image = laplacian.times(field, free) + shift * way
         curvature = float(way @ image)
@@ -110,7 +134,7 @@ def descend(
         rest -= size / curvature * image
         preconditioned = inverse(rest)
         before, size = size, float(rest @ preconditioned)
-        if size <= INNER_TOLERANCE**2 * first:
+        if size <= tolerance**2 * first:
             break
         way = preconditioned + size / before * way
     return direction, step
