@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.atlas_packing import compose, pack
+from forestgen.tree.common_light import in_common_light
 from forestgen.tree.leaf_blades import LONG_STALK, PETIOLE, Blade, build_blade, trim
 from forestgen.tree.leaf_cells import Pieces, find_pieces, group_colours, rank_pieces
 from forestgen.tree.leaf_drawing import cut_cell, generic_cell
@@ -52,9 +53,9 @@ class LeafAtlasFromPhoto(Strategy):
         if not leafy:
             return Atlas(np.zeros((1, 1, 4), np.uint8), ())
         cells, lengths = [], []
-        for k, view in enumerate(leafy):
+        for k, (view, pure) in enumerate(zip(leafy, in_common_light(leafy), strict=True)):
             length = max(self.piece_share * height_px(view), self.piece_lengths * leaf_length_px(view))
-            pieces = find_pieces(view, length)
+            pieces = find_pieces(view, pure, length)
             n = self.colours * (k + 1) // len(leafy) - self.colours * k // len(leafy)
             used: set[int] = set()
             for lab, near in rank_colours(pieces, max(1, n)):

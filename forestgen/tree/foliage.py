@@ -10,12 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_colour import colours_at, nearest_prototype
+from forestgen.tree.foliage_colour import colours_at, facing, nearest_prototype
 from forestgen.tree.foliage_crown import Crown
 from forestgen.tree.foliage_fill import aim_at_open
 from forestgen.tree.foliage_fit import Placement, join
 from forestgen.tree.foliage_poses import frames, leaf_axes, light_normals, quaternions
 from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, young_wood
+from forestgen.tree.foliage_unseen import SEEN
 from forestgen.tree.leaf_scale import leaf_length
 from forestgen.tree.model import Atlas, Leaves
 from forestgen.tree.skeleton import Skeleton
@@ -157,18 +158,25 @@ class LeavesAlongBranches(Strategy):
         return join(kept)
 
     def recolour(self, leaves: Placement, crown: Crown, *, rng: np.random.Generator) -> Placement:
-        """The same leaves; those that no photo shows take colours from elsewhere in the crown, by their light."""
-        hidden = np.flatnonzero(~crown.is_seen(leaves))
-        if not len(hidden):
+        """The same leaves in the colours of the photos that show them, now that it is known which do.
+
+        Those that no photo shows take colours from elsewhere in the crown, by their light.
+        """
+        seen = crown.seen_shares(leaves)
+        is_hidden = seen.max(axis=0) < SEEN
+        changed = np.flatnonzero(is_hidden | (len(crown.views) > 1))  # one photo's leaves have its colours already
+        if not len(changed):
             return leaves
         middle = leaves.position + 0.6 * leaves.size[:, None] * leaves.rotation[:, :, 1]
-        wish = crown.unseen_colours(middle, leaves.size**2, hidden, rng=rng)
-        among = crown.is_long[leaves.prototype[hidden]][:, None] == crown.is_long
+        wish = np.empty((len(leaves), 3))
+        wish[~is_hidden] = crown.seen_colours(middle[~is_hidden], seen[:, ~is_hidden])
+        wish[is_hidden] = crown.unseen_colours(middle, leaves.size**2, np.flatnonzero(is_hidden), rng=rng)
+        among = crown.is_long[leaves.prototype[changed]][:, None] == crown.is_long
         prototype = leaves.prototype.copy()
-        prototype[hidden] = nearest_prototype(wish, crown.lab, among, self.colour_spread, rng=rng)
+        prototype[changed] = nearest_prototype(wish[changed], crown.lab, among, self.colour_spread, rng=rng)
         other = Placement(leaves.position, leaves.rotation, leaves.size, prototype)
-        fits = crown.fits(other.take(hidden), self.inside)
-        prototype[hidden[~fits]] = leaves.prototype[hidden[~fits]]
+        fits = crown.fits(other.take(changed), self.inside)
+        prototype[changed[~fits]] = leaves.prototype[changed[~fits]]
         return other
 
     def dress(
@@ -184,7 +192,7 @@ class LeavesAlongBranches(Strategy):
     ) -> Placement:
         """Leaves with the prototypes that fit their places in the photos; long-stalked where they reach far."""
         middle = position + 0.6 * size[:, None] * axis
-        wish = colours_at(crown.views, crown.colours, middle, crown.outside(middle))
+        wish = colours_at(crown.views, crown.colours, middle, facing(crown.views, crown.outside(middle)))
         among = is_far[:, None] == crown.is_long
         prototype = nearest_prototype(wish, crown.lab, among, self.colour_spread, rng=rng)
         return Placement(position, frames(axis, normal), size, prototype)

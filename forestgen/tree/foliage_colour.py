@@ -8,15 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_unmixing import pure_foliage
+from forestgen.tree.foliage_unmixing import PureFoliage
 from forestgen.tree.leaf_colours import lab_of
 from forestgen.tree.model import Atlas
 from forestgen.tree.view import View
 
 
-def foliage_colours(view: View, sigma_px: float) -> NDArray[np.float32]:
+def foliage_colours(view: View, pure: PureFoliage, sigma_px: float) -> NDArray[np.float32]:
     """The leaves' CIELAB (H, W, 3) in the photo, averaged around each pixel; their mean where none is near."""
-    pure = pure_foliage(view)
     weight = view.mattes.foliage * view.mattes.is_foliage * pure.share**2
     rows, columns = np.nonzero(weight)
     reach = int(np.ceil(6 * sigma_px)) + 2
@@ -45,18 +44,23 @@ def colours_at(
     views: Sequence[View],
     maps: Sequence[NDArray[np.float32]],
     points: NDArray[np.float64],
-    outside: NDArray[np.float64],
+    weight: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """CIELAB (L, 3) of the photos where points (L, 3) fall, each in the view that `outside` (L, 3) faces most."""
-    facing = np.stack([outside @ view.camera.axes[2] for view in views])
-    best = facing.argmax(axis=0)
-    out = np.empty((len(points), 3))
+    """CIELAB (L, 3) of the photos where points (L, 3) fall: their mean, each view's by its weight (V, L)."""
+    out = np.zeros((len(points), 3))
+    share = weight / weight.sum(axis=0)
     for k, (view, colour) in enumerate(zip(views, maps, strict=True)):
-        pick = best == k
+        pick = share[k] > 0
         column, row = np.floor(view.camera.project(points[pick])).astype(np.int64).T
         height, width = colour.shape[:2]
-        out[pick] = colour[row.clip(0, height - 1), column.clip(0, width - 1)]
+        out[pick] += share[k, pick, None] * colour[row.clip(0, height - 1), column.clip(0, width - 1)]
     return out
+
+
+def facing(views: Sequence[View], outside: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights (V, L): 1 for the view that `outside` (L, 3) faces most, 0 for the others."""
+    towards = np.stack([outside @ view.camera.axes[2] for view in views])
+    return np.asarray(towards.argmax(axis=0) == np.arange(len(views))[:, None], float)
 
 
 def nearest_prototype(

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_colour import colours_at, foliage_colours, prototype_lab
+from forestgen.tree.common_light import in_common_light
+from forestgen.tree.foliage_colour import colours_at, facing, foliage_colours, prototype_lab
 from forestgen.tree.foliage_fit import Placement, blade_samples, cover, footprint, make_target
-from forestgen.tree.foliage_unseen import CONTRAST, SEEN, drift, light, seen_share
+from forestgen.tree.foliage_unseen import CONTRAST, drift, light, seen_share
 from forestgen.tree.model import Atlas, LeafPrototype
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
@@ -17,6 +18,7 @@ from forestgen.tree.view import View
 SMALLEST, LARGEST, LARGEST_LONG = 0.5, 1.3, 2.0  # an aimed leaf's length over the usual one
 LONGER = 0.1  # how much farther along the leaf a long-stalked one's blade lies, of its length
 COLOUR_SCALE = 0.35  # blur of the photo's colour over the length of a leaf
+CLEARER = 2.0  # power of the share of a leaf that a photo shows: how much more a photo weighs that shows more
 FEWEST_SAMPLES, MOST_SAMPLES = 24, 96  # points a leaf is looked up at: about one a pixel
 
 
@@ -33,7 +35,10 @@ class Crown:
     def __init__(self, views: Sequence[View], skeleton: Skeleton, atlas: Atlas, length: float) -> None:
         self.views, self.length = views, length
         self.targets = [make_target(view, skeleton) for view in views]
-        self.colours = [foliage_colours(view, COLOUR_SCALE * length * view.camera.px_per_metre) for view in views]
+        self.colours = [
+            foliage_colours(view, pure, COLOUR_SCALE * length * view.camera.px_per_metre)
+            for view, pure in zip(views, in_common_light(views), strict=True)
+        ]
         self.lab = prototype_lab(atlas)
         finest = max(view.camera.px_per_metre for view in views) * length
         along = np.array([blade_middle(leaf) for leaf in atlas.prototypes])
@@ -83,14 +88,23 @@ class Crown:
         prints = [footprint(target, leaves, self.samples) for target in self.targets]
         return np.asarray(np.all([p.inside >= inside for p in prints], axis=0))
 
-    def is_seen(self, leaves: Placement) -> NDArray[np.bool_]:
-        """Which leaves (L,) some photo would show, in front of the others."""
-        seen = np.zeros(len(leaves), bool)
+    def seen_shares(self, leaves: Placement) -> NDArray[np.float64]:
+        """How much of each leaf each photo would show, in front of the others (V, L)."""
         middle = leaves.position + 0.5 * leaves.size[:, None] * leaves.rotation[:, :, 1]
-        for target in self.targets:
-            pixel = footprint(target, leaves, self.samples).pixel
-            seen |= seen_share(pixel, target.view.camera.depth(middle), target.is_foliage.size) >= SEEN
-        return seen
+        return np.stack(
+            [
+                seen_share(
+                    footprint(target, leaves, self.samples).pixel,
+                    target.view.camera.depth(middle),
+                    target.is_foliage.size,
+                )
+                for target in self.targets
+            ]
+        )
+
+    def seen_colours(self, points: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
+        """CIELAB (L, 3) for leaves at points (L, 3), the mean of the photos that show some share of each (V, L)."""
+        return colours_at(self.views, self.colours, points, seen**CLEARER)
 
     def unseen_colours(
         self,
@@ -103,6 +117,6 @@ class Crown:
         """CIELAB (H, 3) for the hidden ones of leaves at points (L, 3) with some area (L,): clumps, and light."""
         extent = float(np.ptp(points, axis=0).max()) or 1.0
         place = points[hidden] + drift(points[hidden], extent, rng=rng)
-        wish = colours_at(self.views, self.colours, place, self.outside(points[hidden]))
+        wish = colours_at(self.views, self.colours, place, facing(self.views, self.outside(points[hidden])))
         wish[:, 0] += CONTRAST * float(np.std(wish[:, 0])) * light(points, area, extent)[hidden]
         return wish

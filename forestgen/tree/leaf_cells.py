@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.foliage_unmixing import pure_foliage
+from forestgen.tree.foliage_unmixing import PureFoliage
 from forestgen.tree.leaf_colours import lab_of, split_colours
 from forestgen.tree.view import View
 
@@ -63,14 +63,13 @@ def climb(height: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.
     return label.reshape(h, w)
 
 
-def find_pieces(view: View, length_px: float) -> Pieces:
+def find_pieces(view: View, pure: PureFoliage, length_px: float) -> Pieces:
     """Cut the foliage of a view into pieces about `length_px` long, each around one light."""
     is_foliage = view.mattes.is_foliage
     rows, columns = np.nonzero(is_foliage)
     margin = int(np.ceil(length_px))
     top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
     part = (slice(top, rows.max() + margin + 1), slice(left, columns.max() + margin + 1))
-    pure = pure_foliage(view)
     rgb, inside = pure.rgb[part], is_foliage[part]
     matte = view.mattes.foliage[part] * pure.share[part]
     is_own = (view.mattes.foliage[part] >= OPAQUE) & (pure.share[part] >= PURE)

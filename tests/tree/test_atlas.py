@@ -9,9 +9,11 @@ import cv2
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.atlas_packing import bleed, pack
+from forestgen.tree.foliage_unmixing import pure_foliage
 from forestgen.tree.leaf_blades import LONG_STALK, PETIOLE, build_blade, row_extents, trim
 from forestgen.tree.leaf_cells import climb, find_pieces, group_colours
 from forestgen.tree.leaf_colours import lab_of, split_colours
@@ -155,12 +157,18 @@ def test_a_few_pixels_of_foliage_are_enough(pixels: int) -> None:
     assert 1 <= len(atlas.prototypes) // 2 <= pixels
 
 
+def lightness(atlas: Atlas) -> NDArray[np.float32]:
+    return lab_of(np.round([leaf.colour * 255 for leaf in atlas.prototypes]).astype(np.uint8))[:, 0]
+
+
 def test_two_views_share_the_colours(mottled: View) -> None:
     red = replace(mottled, photo=Photo(mottled.photo.rgb[..., [0, 2, 1]] // 2, "dark.png"))
     atlas = LeafAtlasFromPhoto()([mottled, red], rng=np.random.default_rng(0))
     assert len(atlas.prototypes) == 64
-    lightness = lab_of(np.round([leaf.colour * 255 for leaf in atlas.prototypes]).astype(np.uint8))[:, 0]
-    assert lightness[16:32].mean() < lightness[:16].mean() - 10
+    darker = lightness(atlas)[:16].mean() - lightness(atlas)[16:32].mean()
+    alone = lightness(atlas_of(mottled)).mean() - lightness(atlas_of(red)).mean()
+    assert alone > 10
+    assert 0.1 * alone < darker < 0.5 * alone  # half the cells are the dark photo's, in a light nearer to the other's
 
 
 def test_conifers_get_needles_and_others_do_not(mottled: View) -> None:
@@ -206,7 +214,7 @@ def test_split_colours_finds_the_clusters() -> None:
 
 
 def test_pieces_tile_the_foliage(mottled: View) -> None:
-    pieces = find_pieces(mottled, 20.0)
+    pieces = find_pieces(mottled, pure_foliage(mottled), 20.0)
     assert pieces.area.sum() == mottled.mattes.is_foliage.sum()
     assert_allclose(np.linalg.norm(pieces.axis, axis=1), 1)
     assert (pieces.length >= pieces.width).all()

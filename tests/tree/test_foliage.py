@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from forestgen.camera import Camera
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.foliage import LeavesAlongBranches
-from forestgen.tree.foliage_colour import colours_at, foliage_colours, nearest_prototype, prototype_lab
+from forestgen.tree.foliage_colour import colours_at, facing, foliage_colours, nearest_prototype, prototype_lab
 from forestgen.tree.foliage_fill import open_seeds
 from forestgen.tree.foliage_fit import Placement, Target, blade_samples, draw_wood, footprint, make_target
 from forestgen.tree.foliage_poses import frames, normals_across, quaternions
 from forestgen.tree.foliage_twigs import crowding, last_tip, place_stations, young_wood
+from forestgen.tree.foliage_unmixing import pure_foliage
 from forestgen.tree.leaf_scale import leaf_length
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.model import Atlas, LeafPrototype, Leaves
@@ -362,10 +363,10 @@ def test_open_seeds_give_one_pixel_a_cell() -> None:
 
 
 def test_colour_of_foliage_only(view: View) -> None:
-    colours = foliage_colours(view, 4.0)
+    colours = foliage_colours(view, pure_foliage(view), 4.0)
     height, width = view.mattes.foliage.shape
     points = view.camera.unproject(np.array([[width * 0.2, height * 0.25], [width * 0.85, height * 0.3]]))
-    lab = colours_at([view], [colours], points, points)
+    lab = colours_at([view], [colours], points, facing([view], points))
     assert lab[0, 1] < 0 < lab[1, 1]  # green, red: the sky's blue is not in it
 
 
