@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
-UNSEEN_PX = 0.05  # radius of wood that leaves no trace in a photo
+UNSEEN_PX = 0.1  # radius of wood that leaves no trace in a photo: a millimetre or so
 OVER = 0.12  # share of a segment's way that must lie over what is no tree
 PROBES = 8  # points of a segment that are looked up
 BESIDE_PX = 2.0  # so near to the traced wood it may well be seen: the matte is narrower there
