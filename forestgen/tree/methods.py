@@ -19,20 +19,25 @@ from forestgen.tree.contracts import MakeAtlas, MakeBark, MakeMesh, PlaceLeaves,
 from forestgen.tree.da_vinci import DaVinci
 from forestgen.tree.foliage import LeavesAlongBranches
 from forestgen.tree.grow import Grow
+from forestgen.tree.grow.grafting import Grafting
 from forestgen.tree.grow.phyllotaxis import PhyllotaxisTwigs
 from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
 from forestgen.tree.leaves_by_density import LeavesByDensity
 from forestgen.tree.lift import Lift
+from forestgen.tree.lift.gaussian_azimuth import GaussianAzimuth
 from forestgen.tree.lift.particle_flow import ParticleFlow
 from forestgen.tree.lift.spread_branches import SpreadBranches
+from forestgen.tree.measured_width import MeasuredWidth
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.radius import ConstantRatio, MeasuredTaper
 from forestgen.tree.segment import Segment
 from forestgen.tree.segment.closed_form import ClosedFormMatte
 from forestgen.tree.segment.graph_cut import GraphCutFoliage
+from forestgen.tree.segment.normalized_matte import NormalizedMatte
 from forestgen.tree.trace import Trace
 from forestgen.tree.trace.circle_tracing import CircleTracing
 from forestgen.tree.trace.live_wire import LiveWire
+from forestgen.tree.trace.pruned_skeleton import PrunedSkeleton
 from forestgen.tree.trace.smooth_paths import SmoothPaths
 
 
@@ -94,21 +99,59 @@ NEUBERT_2007_PAPER = replace(
     radius=DaVinci(measured=False),
     leaves=LeavesByDensity(density_resolution=25, tries=1, fill_rounds=0),
 )
+KIM_2014 = replace(
+    TAN_2008,
+    trace=PrunedSkeleton(),
+    lift=GaussianAzimuth(),
+    grow=Grafting(),
+    radius=MeasuredWidth(),
+)
+KIM_2014_PAPER = replace(
+    KIM_2014,
+    segment=NormalizedMatte(),
+    lift=GaussianAzimuth(neighbours_apart=False),
+    grow=Grafting.paper(),
+    radius=MeasuredWidth(slender=0.0),
+)
 METHODS = {
     "tan2008": TAN_2008,
     "tan2008_paper": TAN_2008_PAPER,
     "neubert2007": NEUBERT_2007,
     "neubert2007_paper": NEUBERT_2007_PAPER,
+    "kim2014": KIM_2014,
+    "kim2014_paper": KIM_2014_PAPER,
 }
 
 STAGES = tuple(field.name for field in fields(Method))
 
 STRATEGIES: Mapping[str, Mapping[str, Any]] = {
-    "segment": {"graph_cut": GraphCutFoliage(), "closed_form": ClosedFormMatte()},
-    "trace": {"circle_tracing": CircleTracing(), "smooth_paths": SmoothPaths(), "live_wire": LiveWire()},
-    "lift": {"spread_branches": SpreadBranches(), "particle_flow": ParticleFlow()},
-    "grow": {"subtree_replacement": SubtreeReplacement(), "phyllotaxis": PhyllotaxisTwigs()},
-    "radius": {"constant_ratio": ConstantRatio(), "measured_taper": MeasuredTaper(), "da_vinci": DaVinci()},
+    "segment": {
+        "graph_cut": GraphCutFoliage(),
+        "closed_form": ClosedFormMatte(),
+        "normalized_matte": NormalizedMatte(),
+    },
+    "trace": {
+        "circle_tracing": CircleTracing(),
+        "smooth_paths": SmoothPaths(),
+        "live_wire": LiveWire(),
+        "pruned_skeleton": PrunedSkeleton(),
+    },
+    "lift": {
+        "spread_branches": SpreadBranches(),
+        "particle_flow": ParticleFlow(),
+        "gaussian_azimuth": GaussianAzimuth(),
+    },
+    "grow": {
+        "subtree_replacement": SubtreeReplacement(),
+        "phyllotaxis": PhyllotaxisTwigs(),
+        "grafting": Grafting(),
+    },
+    "radius": {
+        "constant_ratio": ConstantRatio(),
+        "measured_taper": MeasuredTaper(),
+        "da_vinci": DaVinci(),
+        "measured_width": MeasuredWidth(),
+    },
     "bark": {"from_photo": BarkFromPhoto()},
     "mesh": {"generalised_cylinders": GeneralisedCylinders()},
     "atlas": {"from_photo": LeafAtlasFromPhoto()},

@@ -99,6 +99,16 @@ PRINTED: dict[str, dict[str, dict[str, tuple[object, str]]]] = {
             "fill_rounds": (0, "none is printed"),
         },
     },
+    "kim2014_paper": {
+        "lift": {"neighbours_apart": (False, "II.3, the angle of sub-branch i")},
+        "grow": {
+            "levels": (3, "figure 7, '2-4 level'"),
+            "inside_crown": (False, "no such step is printed"),
+            "complete": (False, "no such step is printed"),
+            "leaf_masses": (False, "no such step is printed"),
+        },
+        "radius": {"slender": (0.0, "no such step is printed")},
+    },
 }
 
 
