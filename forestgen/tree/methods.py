@@ -108,7 +108,7 @@ KIM_2014 = replace(
 )
 KIM_2014_PAPER = replace(
     KIM_2014,
-    segment=NormalizedMatte(),
+    segment=NormalizedMatte(pull=0.0, open_sky=False),
     lift=GaussianAzimuth(neighbours_apart=False),
     grow=Grafting.paper(),
     radius=MeasuredWidth(slender=0.0),

@@ -100,6 +100,11 @@ PRINTED: dict[str, dict[str, dict[str, tuple[object, str]]]] = {
         },
     },
     "kim2014_paper": {
+        "segment": {
+            "radius": (1, "figure 2, '3x3 window'"),
+            "pull": (0.0, "II.1, equation 3 alone"),
+            "open_sky": (False, "no such step is printed"),
+        },
         "lift": {"neighbours_apart": (False, "II.3, the angle of sub-branch i")},
         "grow": {
             "levels": (3, "figure 7, '2-4 level'"),
