@@ -58,7 +58,7 @@ def bytes_of(model: TreeModel) -> dict[str, bytes]:
 def test_every_method_builds_the_drawn_tree(name: str, drawn: DrawnTree) -> None:
     model = build(drawn, few(name))
     assert model.height == HEIGHT
-    assert 0.7 * HEIGHT < model.skeleton.position[:, 1].max()
+    assert model.skeleton.position[:, 1].max() > 0.7 * HEIGHT
     foot = model.mesh.points[model.mesh.points[:, 1] < 0.05]
     assert np.linalg.norm(foot[:, [0, 2]], axis=1).min() < 0.3  # it stands on its root
     if name not in UNBOUNDED:
