@@ -69,7 +69,7 @@ def tree(
     strokes: Annotated[Path, typer.Argument(help="Its stroke set (JSON; labelme, COCO and SVG are read too).")],
     out: Out,
     height: Annotated[float, typer.Option(help="Metres from the root to the crown's top.")] = 10.0,
-    method: Annotated[str, typer.Option(help="tan2008 or tan2008_paper.")] = "tan2008",
+    method: Annotated[str, typer.Option(help="tan2008, neubert2007 or kim2014, each also as NAME_paper.")] = "tan2008",
     seed: Annotated[int, typer.Option(min=0, help="Another seed grows another tree.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
