@@ -10,8 +10,8 @@ from forestgen.tree.lift.direction_field import Blend, DirectionField, direction
 from forestgen.tree.lift.flow_tracing import FlowRules, Graph, trace_particles
 
 RULES = FlowRules(
-    steps=400, speed=0.01, inertia=2.0, inertia_growth=0.3, to_field=1.0, to_neighbour=0.9, to_base=0.0, to_limb=0.0,
-    limb_share=0.0, sight=0.2, join=0.03, floor=0.02, join_traces=True, least_turn=0.3,
+    steps=400, speed=0.01, inertia=3.0, inertia_growth=0.3, to_field=1.0, to_neighbour=0.35, to_base=0.0, to_limb=0.0,
+    limb_share=0.0, sight=0.12, join=0.02, floor=0.02, join_traces=True, least_turn=0.3,
 )  # fmt: skip
 ALONE = 1e-6  # of the height: particles that do not attract each other do not join either
 
