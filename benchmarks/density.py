@@ -106,7 +106,11 @@ def dense_solve(views: list[View]) -> NDArray[np.float64]:
 
 
 def main() -> None:
-    shared, wanted = Path(sys.argv[1]), sys.argv[2:]
+    shared = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2] / "shared"
+    wanted = sys.argv[2:]
+    if not (shared / "ground_truth").is_dir():
+        print("skipped: no folder 'shared' with ground truth beside this checkout")
+        return
     judge = scorer(shared)
     folders = sorted(f.parent for f in (shared / "ground_truth").glob("*/photo_az090_mask.png"))
     folders = [f for f in folders if not wanted or f.name in wanted]

@@ -59,14 +59,17 @@ def score(case: Case, truth: NDArray[np.float32], way: Segment) -> tuple[float, 
 
 
 def main() -> None:
-    if len(sys.argv) < 2 or not (Path(sys.argv[1]) / "ground_truth").is_dir():
-        raise SystemExit("usage: python benchmarks/matting.py SHARED_FOLDER [TREE ...]")
-    trees = cases(Path(sys.argv[1]), sys.argv[2:])
+    shared = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2] / "shared"
+    wanted = sys.argv[2:]
+    if not (shared / "ground_truth").is_dir():
+        print("skipped: no folder 'shared' with ground truth beside this checkout")
+        return
+    trees = cases(shared, wanted)
     WAYS["closed form"](trees[0].photo, trees[0].strokes, rng=stage_rng(0, "segment", 0))  # PyMatting compiles
     print(f"{'':20}" + "".join(f"{name:>34}" for name in WAYS))
     total = []
     for case in trees:
-        truth = true_alpha(Path(sys.argv[1]), case.name)
+        truth = true_alpha(shared, case.name)
         row = [score(case, truth, way) for way in WAYS.values()]
         total.append(row)
         print(f"{case.name:20}" + "".join(f"{_cells(s):>34}" for s in row), flush=True)

@@ -87,11 +87,13 @@ def drawn_skeleton(between: int = 3) -> Skeleton:
     return Skeleton(np.array(position), np.array(parent), np.array(radius))
 
 
-def drawn_tree(*, leaves: bool = True, noise: float = 4.0, px_per_metre: float = 80.0) -> DrawnTree:
+def drawn_tree(
+    *, leaves: bool = True, noise: float = 4.0, px_per_metre: float = 80.0, azimuth: float = 0.0
+) -> DrawnTree:
     """Draw the tree before a sky and grass; leaves are small discs in the upper crown. A fixed seed."""
     skeleton = drawn_skeleton()
     size = (int(5.2 * px_per_metre), int(6.2 * px_per_metre))
-    camera = Camera(size, (size[0] / 2, size[1] - 0.5 * px_per_metre), px_per_metre)
+    camera = Camera(size, (size[0] / 2, size[1] - 0.5 * px_per_metre), px_per_metre, azimuth)
     rng = np.random.default_rng(5)
     wood = draw_wood(camera.project(skeleton.position), skeleton.parent, skeleton.radius * px_per_metre, size)
     leaf = np.zeros_like(wood)
@@ -128,7 +130,8 @@ def drawn_strokes(camera: Camera) -> Strokes:
         [-1.3, 2.4, 0],
     ]
     trunk, limb = camera.project(JOINTS[[0, 1, 2, 3, 5]]), camera.project(JOINTS[[2, 6, 7]])
-    return Strokes(camera.project(np.array(outline, float)), (trunk, limb), size=camera.size, photo="drawn.png")
+    across = np.array(outline, float) @ camera.axes  # in the picture's plane, from any side
+    return Strokes(camera.project(across), (trunk, limb), size=camera.size, photo="drawn.png")
 
 
 def draw_wood(

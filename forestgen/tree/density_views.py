@@ -166,7 +166,8 @@ def _check_explained(
         index, inside = raster.nearest(points)
         met = np.zeros(is_tree.size, np.uint8)
         met[index[inside]] = 1
-        share = (cv2.dilate(met.reshape(is_tree.shape), disc(1)) > 0)[is_tree].mean()
+        near = cv2.dilate(met.reshape(is_tree.shape), disc(1)) > 0
+        share = float(near[is_tree].mean()) if is_tree.any() else 0.0  # far smaller than a square, or beside them all
         if share < EXPLAINED:
             others = ", ".join(other.photo.name for other in views if other is not view) or "its own outline"
             raise StageError(
