@@ -1,10 +1,11 @@
 # make demo    build the sample scenes         make test    run the tests
 # make setup   only the environment (.venv)    make lint    ruff and mypy
+# make bench   every benchmark                  make readers a growing tree in Blender and lightusd
 PYTHON ?= python3
 BIN := .venv/bin
 OUT ?= out
 
-.PHONY: demo test setup lint bench clean
+.PHONY: demo test setup lint bench readers clean
 
 SCENES := street woods garden
 
@@ -27,6 +28,9 @@ lint: .setup-stamp
 bench: .setup-stamp
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
+readers: .setup-stamp
+	PYTHON="$(PYTHON)" OUT="$(OUT)" sh tools/readers.sh
+
 setup: .setup-stamp
 
 .setup-stamp: pyproject.toml constraints.txt tools/setup.sh
@@ -34,4 +38,4 @@ setup: .setup-stamp
 	@touch $@
 
 clean:
-	rm -rf .venv .setup-stamp $(OUT)
+	rm -rf .venv .venv-* .setup-stamp $(OUT)
