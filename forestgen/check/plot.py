@@ -38,4 +38,9 @@ def _panel(name: str, values: np.ndarray) -> Panel | None:
     x = (shown - iteration[0]) / (iteration[-1] - iteration[0]) * WIDTH
     y = HEIGHT - (values[shown] - low) / (high - low if high > low else 1.0) * HEIGHT
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    return Panel(name.replace("_", " "), points, f"{high:.3g}", f"{low:.3g}", str(int(iteration[-1]) + 1))
+    return Panel(name.replace("_", " "), points, _label(high), _label(low), str(int(iteration[-1]) + 1))
+
+
+def _label(value: float) -> str:
+    """A value in few signs, without powers of ten where it is large."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
