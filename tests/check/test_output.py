@@ -198,6 +198,8 @@ def test_cost_panels_span_their_box():
     assert points[:, 1].tolist() == [0, 55, 110]
     (flat,) = cost_panels({"flat": [1.0] * 1000})
     assert len(flat.points.split()) == 300
+    (large,) = cost_panels({"twigs": [5990.0, 17401.4]})
+    assert (large.bottom, large.top, panel.bottom) == ("5,990", "17,401", "0")
 
 
 def test_a_view_without_pictures_is_a_view():
