@@ -6,19 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from forestgen.errors import StageError
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
-from forestgen.tree.segment.bare import is_bare_crown
-from forestgen.tree.segment.contrast import contrast_inside_and_ring
-from forestgen.tree.segment.open_sky import without_sky
-from forestgen.tree.segment.region import Region, look_at
-from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
-from forestgen.tree.segment.trimap import trimap_of, unknown_alpha
-from forestgen.tree.segment.wood import Limbs, find_wood, follow_limbs, share_out
-from forestgen.tree.segment.working_size import enlarge, shrink
+from forestgen.tree.segment.matted import matted
+from forestgen.tree.segment.trimap import unknown_alpha
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes
 
@@ -51,31 +43,14 @@ class ClosedFormMatte(Strategy):
         Raises:
             StageError: neither leaf nor branch pixels are found, or there is no background to compare with.
         """
-        working, drawn = shrink(photo, strokes)
-        region = look_at(working.rgb, drawn, self.dilations)
-        limbs = follow_limbs(region, drawn, rng=rng)
-        evidence = contrast_inside_and_ring(region, self.components, rng=rng)
-        is_tree = (evidence.log_ratio > 0) & region.is_inside & ~region.is_ring
-        if self.bare == "yes" or (self.bare == "auto" and is_bare_crown(region, is_tree, limbs.cover)):
-            is_wood = is_tree | limbs.is_limb
-        else:
-            is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
-        alpha = self.matte(region, is_tree | is_wood, is_wood, limbs)
-        leaf, wood = share_out(alpha, is_tree & ~is_wood, is_wood)
-        if self.open_sky:
-            leaf = without_sky(region, leaf, wood)
-        mattes = enlarge(Mattes(region.full(leaf, working.size), region.full(wood, working.size)), photo.size)
-        if not mattes.is_tree.any():
-            raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")
-        return mattes
-
-    def matte(
-        self, region: Region, is_tree: NDArray[np.bool_], is_wood: NDArray[np.bool_], limbs: Limbs
-    ) -> NDArray[np.float32]:
-        """Alpha (h, w) of the tree; below the crown the limbs' own edges."""
-        nearby = soften(region.rgb, is_tree)
-        trimap = trimap_of(is_tree, self.band, sure_tree=limbs.is_clear, sure_background=region.is_ring & ~is_wood)
-        alpha = unknown_alpha(region.rgb, trimap, nearby, self.pull, self.epsilon)
-        alpha = without_flecks(alpha, FLECK * region.size_px**2)
-        by_limb = limbs.is_near & ~region.is_inside & (limbs.is_limb | ~is_wood)
-        return np.where(by_limb, limbs.cover, alpha)
+        return matted(
+            photo,
+            strokes,
+            lambda rgb, trimap, nearby: unknown_alpha(rgb, trimap, nearby, self.pull, self.epsilon),
+            components=self.components,
+            dilations=self.dilations,
+            band=self.band,
+            bare=self.bare,
+            open_sky=self.open_sky,
+            rng=rng,
+        )

@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 from forestgen.errors import StageError
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
-from forestgen.tree.segment.bare import is_bare_crown
-from forestgen.tree.segment.contrast import contrast_inside_and_ring
 from forestgen.tree.segment.matte_pyramid import normalized_alpha
-from forestgen.tree.segment.open_sky import without_sky
-from forestgen.tree.segment.region import Region, dilations_px, look_at
-from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
-from forestgen.tree.segment.trimap import trimap_of
-from forestgen.tree.segment.wood import Limbs, find_wood, follow_limbs, share_out
-from forestgen.tree.segment.working_size import enlarge, shrink
+from forestgen.tree.segment.matted import matted
+from forestgen.tree.segment.region import dilations_px
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.strokes import Strokes, draw_polyline
 
@@ -63,43 +57,33 @@ class NormalizedMatte(Strategy):
                 no background to compare with.
         """
         refuse_contradiction(photo, strokes, self.dilations)
-        working, drawn = shrink(photo, strokes)
-        region = look_at(working.rgb, drawn, self.dilations)
-        limbs = follow_limbs(region, drawn, rng=rng)
-        evidence = contrast_inside_and_ring(region, self.components, rng=rng)
-        is_tree = (evidence.log_ratio > 0) & region.is_inside & ~region.is_ring
-        if self.bare == "yes" or (self.bare == "auto" and is_bare_crown(region, is_tree, limbs.cover)):
-            is_wood = is_tree | limbs.is_limb
-        else:
-            is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
-        if not (is_tree | is_wood).any():
-            raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")
-        leaf, wood = share_out(self.matte(region, is_tree | is_wood, is_wood, limbs), is_tree & ~is_wood, is_wood)
-        if self.open_sky:
-            leaf = without_sky(region, leaf, wood)
-        mattes = enlarge(Mattes(region.full(leaf, working.size), region.full(wood, working.size)), photo.size)
-        if not mattes.is_tree.any():
-            raise StageError(f"{photo.name}: the crown shows neither leaf nor branch: is the outline on the tree?")
-        return mattes
+        return matted(
+            photo,
+            strokes,
+            self.solve,
+            components=self.components,
+            dilations=self.dilations,
+            band=self.band,
+            bare=self.bare,
+            open_sky=self.open_sky,
+            rng=rng,
+        )
 
-    def matte(
-        self, region: Region, is_tree: NDArray[np.bool_], is_wood: NDArray[np.bool_], limbs: Limbs
-    ) -> NDArray[np.float32]:
-        """Alpha (h, w) of the tree; below the crown the limbs' own edges."""
-        trimap = trimap_of(is_tree, self.band, sure_tree=limbs.is_clear, sure_background=region.is_ring & ~is_wood)
+    def solve(
+        self, rgb: NDArray[np.float32], trimap: NDArray[np.float64], nearby: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
+        """Alpha (h, w) of a picture (h, w, 3) in [0, 1] by the criterion."""
         alpha, _ = normalized_alpha(
-            region.rgb,
+            rgb,
             trimap,
             radius=self.radius,
             epsilon=self.epsilon,
             tolerance=self.tolerance,
             most_steps=self.most_steps,
-            nearby=soften(region.rgb, is_tree),
+            nearby=nearby,
             pull=self.pull,
         )
-        sure = without_flecks(alpha.astype(np.float32), FLECK * region.size_px**2)
-        by_limb = limbs.is_near & ~region.is_inside & (limbs.is_limb | ~is_wood)
-        return np.where(by_limb, limbs.cover, sure)
+        return alpha
 
 
 def refuse_contradiction(photo: Photo, strokes: Strokes, dilations: int) -> None:

@@ -20,8 +20,8 @@ from forestgen.tree.trace.assembly import assemble
 from forestgen.tree.trace.centre_lines import centre_lines, without_twiglets
 from forestgen.tree.trace.half_width import at_points, raw_half_width
 from forestgen.tree.trace.minimal_paths import STEPS, WayTree, cheapest_ways
+from forestgen.tree.trace.polylines import drawn_height
 from forestgen.tree.trace.seeds import far_from_tree, silhouette_seeds, wood_tips
-from forestgen.tree.trace.smooth_paths import drawn_height
 from forestgen.tree.trace.stroke_routes import route_stroke
 from forestgen.tree.trace.way_prices import PriceMap, price_map
 from forestgen.tree.trace.wood_model import WoodModel, wood_model

@@ -1,9 +1,11 @@
-"""Polylines: points at given lengths along a stroke."""
+"""Polylines: points at given lengths along a stroke, and how tall all strokes are."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from forestgen.tree.strokes import Strokes
 
 
 def length_along(path: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -21,3 +23,9 @@ def resample(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Points (S, 2) along a polyline, about `step` px apart, its start and its end among them."""
     whole = float(length_along(path)[-1])
     return point_at(path, np.linspace(0, whole, max(1, round(whole / step)) + 1))
+
+
+def drawn_height(strokes: Strokes) -> float:
+    """Height of the strokes in the photo, px: what all lengths of a trace are measured by."""
+    rows = np.concatenate([strokes.crown, *strokes.branches])[:, 1]
+    return max(float(strokes.root[1] - rows.min()), float(np.ptp(rows)), 1.0)

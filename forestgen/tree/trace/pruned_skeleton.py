@@ -13,8 +13,9 @@ from forestgen.errors import InputError
 from forestgen.tree.strokes import SkeletonEdits, Strokes
 from forestgen.tree.trace.curve_evolution import FEWEST, Contours, evolve, outlines_of
 from forestgen.tree.trace.half_width import edge_distance
+from forestgen.tree.trace.polylines import drawn_height
 from forestgen.tree.trace.pruned_skeleton_parts import carried_on, convex, parts_of, pruned
-from forestgen.tree.trace.smooth_paths import SmoothPaths, drawn_height
+from forestgen.tree.trace.smooth_paths import SmoothPaths
 from forestgen.tree.trace.wood_model import WoodModel
 from forestgen.tree.trace.wood_network import WoodNetwork, cut_at_junctions
 

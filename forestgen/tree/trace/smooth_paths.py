@@ -19,7 +19,7 @@ from forestgen.tree.trace.centre_lines import centre_lines, without_twiglets
 from forestgen.tree.trace.gap_links import LinkRules
 from forestgen.tree.trace.half_width import at_points, raw_half_width
 from forestgen.tree.trace.network_tree import WayPrices, span
-from forestgen.tree.trace.polylines import length_along, point_at, resample
+from forestgen.tree.trace.polylines import drawn_height, length_along, point_at, resample
 from forestgen.tree.trace.stroke_routes import route_stroke
 from forestgen.tree.trace.wood_model import WoodModel, wood_model
 from forestgen.tree.trace.wood_network import WoodNetwork, wood_network
@@ -112,12 +112,6 @@ class SmoothPaths(Strategy):
     ) -> NDArray[np.int64]:
         """Indices of the nodes (N,) of the traced tree that are no bumps of its outline."""
         return without_twiglets(xy, parent, width, max(self.least_twig * drawn_height(strokes), 4))
-
-
-def drawn_height(strokes: Strokes) -> float:
-    """Height of the strokes in the photo, px: what all lengths of a trace are measured by."""
-    rows = np.concatenate([strokes.crown, *strokes.branches])[:, 1]
-    return max(float(strokes.root[1] - rows.min()), float(np.ptp(rows)), 1.0)
 
 
 def trunk_foot(
