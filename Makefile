@@ -26,7 +26,7 @@ lint: .setup-stamp
 	$(BIN)/mypy
 
 bench: .setup-stamp
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+	@for file in benchmarks/*.py; do echo "== $$file"; PYTHONPATH=. $(BIN)/python $$file || exit 1; done
 
 readers: .setup-stamp
 	PYTHON="$(PYTHON)" OUT="$(OUT)" sh tools/readers.sh

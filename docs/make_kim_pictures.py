@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from skimage.morphology import skeletonize
 
 from benchmarks.normalized_matting import strip
-from docs.make_neubert_pictures import PAPER, Picture, in_rows
+from docs.make_neubert_pictures import PAPER, Picture, in_rows, write_figures
 from forestgen.arrays import stage_rng
 from forestgen.check import pictures
 from forestgen.check.reference import read_provenance, read_views
@@ -116,11 +116,7 @@ def main(out: Path, folder: Path) -> None:
         8: figure_8(view, whole),
         9: figure_9(view, whole),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, picture in figures.items():
-        path = folder / f"figure_{number}.jpg"
-        if not cv2.imwrite(str(path), picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88]):
-            raise OSError(f"{path} could not be written")
+    write_figures(figures, folder)
 
 
 if __name__ == "__main__":

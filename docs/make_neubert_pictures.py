@@ -9,7 +9,7 @@ figure_5.jpg (skeletons of two seeds), figure_7.jpg (photos and trees) and figur
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,6 +149,15 @@ def photos(views: Sequence[View]) -> list[Picture]:
     return [pictures.photo_picture(view, pictures.frame_view(view)) for view in views]
 
 
+def write_figures(figures: Mapping[int, Picture], folder: Path) -> None:
+    """Write folder/figure_N.jpg for each number N."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, picture in figures.items():
+        path = folder / f"figure_{number}.jpg"
+        if not cv2.imwrite(str(path), picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88]):
+            raise OSError(f"{path} could not be written")
+
+
 def main(out: Path, folder: Path) -> None:
     """Write the figures."""
     tree, painted = out / "trees" / TREE, out / "trees" / PAINTED
@@ -165,11 +174,7 @@ def main(out: Path, folder: Path) -> None:
             ]
         ),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, picture in figures.items():
-        path = folder / f"figure_{number}.jpg"
-        if not cv2.imwrite(str(path), picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88]):
-            raise OSError(f"{path} could not be written")
+    write_figures(figures, folder)
 
 
 if __name__ == "__main__":

@@ -259,10 +259,13 @@ def _progress(names: list[str], is_silent: bool, steps: Sequence[str] | None = N
     if is_silent:
         yield None
         return
-    from forestgen.pipeline import STEPS
     from forestgen.progress import shown_progress
 
-    with shown_progress(names, steps or STEPS, _console(stderr=True)) as on_progress:
+    if steps is None:
+        from forestgen.pipeline import STEPS
+
+        steps = STEPS
+    with shown_progress(names, steps, _console(stderr=True)) as on_progress:
         yield on_progress
 
 

@@ -211,9 +211,11 @@ def add_samples(
     for k, frame in enumerate(keys):
         is_last, is_turned = frame == keys[-1], frame in turned
         at = tree.pose(int(frame) / frames, ahead)
-        normals = still.normals if is_last else turned_normals(still, wood, at)
+        normals = None
+        if is_turned and tree.bend.any():
+            normals = still.normals if is_last else turned_normals(still, wood, at)
         points = still.points if is_last else tree.carried(wood, at, tree.thickness(under, at.time))
-        layer.add_branches(int(frame), points, normals if is_turned and tree.bend.any() else None)
+        layer.add_branches(int(frame), points, normals)
         if leaves is not None:
             position = still.leaf_position if is_last else leaves.position_at(tree, at)
             scale = still.leaf_scale if is_last else leaves.scale_at(tree, at.time)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +19,22 @@ import cv2
 import numpy as np
 
 from forestgen.build_record import BUILD
-from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture
+from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture, write_png
 from forestgen.check.reference import Provenance, read_provenance, read_views, write_provenance
 from forestgen.errors import InputError, RenderError, StageError
 from forestgen.render import Studio, frame_camera
 from forestgen.scene.folder_settings import located
 from forestgen.scene.paths import Location
 from forestgen.staging import install, staging
-from forestgen.tree.build import OnStage, Source, build_tree
+from forestgen.tree.build import OnStage, grow_views
 from forestgen.tree.methods import STAGES, Method, configure
 from forestgen.tree.model import TreeModel
-from forestgen.tree.scale import photo_camera
 from forestgen.tree.skeleton import n_children
 from forestgen.tree.view import View
 from forestgen.workers import OnProgress, run_parallel
 
 VARIATIONS, SHEET = "variations", "contact_sheet.png"
-STEPS = (*STAGES, "write", "draw")  # what progress counts, for each seed
+STEPS = (*STAGES, "write")  # what progress counts, for each seed
 PORTRAIT = (360, 420)  # px
 SIDES = (0.0, 60.0)  # degrees: as in the first photo, where all seeds look alike, and from where no photo shows them
 CAPTION = 34  # px below a portrait
@@ -83,7 +82,7 @@ def vary_tree(
             raise
         captions = [f"seed {provenance.seed}, as built", *(f"seed {job.seed}" for job in fine)]
         shown = [(p, c) for p, c in zip(drawn, captions, strict=True) if not isinstance(p, StageError)]
-        _write_png(target / SHEET, contact_sheet([p for p, _ in shown], [c for _, c in shown]))
+        write_png(target / SHEET, contact_sheet([p for p, _ in shown], [c for _, c in shown]))
         install(work, tree, [VARIATIONS])
     return {
         "tree": provenance.name,
@@ -142,35 +141,14 @@ def regrown(
     Raises:
         StageError: the seed leads to nothing.
     """
-    known = {id(view.photo): view for view in views}
-    found = replace(
+    return grow_views(
+        views,
         method,
-        segment=lambda photo, strokes, *, rng: known[id(photo)].mattes,
-        trace=lambda photo, strokes, mattes, *, rng: known[id(photo)].branches,
-    )
-    return build_tree(
-        [source_of(view, provenance.height) for view in views],
-        found,
         name=provenance.name,
         method_name=provenance.method,
         height=provenance.height,
         seed=seed,
         on_stage=on_stage,
-    )
-
-
-def source_of(view: View, height: float) -> Source:
-    """The source that leads to a view's very camera, for a tree of some height, metres."""
-    camera = view.camera
-    usual = photo_camera(view.mattes, view.strokes, height, root=camera.root_px)
-    return Source(
-        photo=view.photo,
-        strokes=view.strokes,
-        azimuth=camera.azimuth,
-        elevation=camera.elevation,
-        scale=camera.px_per_metre / usual.px_per_metre,
-        root=camera.root_px,
-        focal_px=camera.focal_px,
     )
 
 
@@ -209,7 +187,6 @@ def _draw_job(job: _Job, on_stage: OnStage) -> Picture:
     """Lit portraits of one written tree, side by side."""
     from forestgen.usd.read import read_drawables
 
-    on_stage("draw", 0, 0)
     drawables = read_drawables(job.folder / f"{job.folder.name}.usda")
     portraits = []
     with Studio(drawables) as studio:
@@ -224,10 +201,3 @@ def _entry(seed: int, name: str, made: dict[str, int] | StageError) -> dict[str,
     if isinstance(made, StageError):
         return {"seed": seed, "error": str(made)}
     return {"seed": seed, "asset": f"{VARIATIONS}/{name}/{name}.usda", **made}
-
-
-def _write_png(path: Path, picture: Picture) -> None:
-    fine, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
-    if not fine:
-        raise OSError(f"{path}: could not be encoded as PNG")
-    path.write_bytes(data.tobytes())

@@ -48,11 +48,7 @@ def draw_film(stage: Path, frames: int, folder: Path, on_picture: Callable[[int,
 def write_strip(shown: list[Picture], path: Path) -> None:
     """Of pictures (H, W, 3) over time AGES in a row, evenly up to the last; the very sprout is too small to see."""
     chosen = np.unique(np.round(np.linspace(0, len(shown) - 1, AGES + 1)[1:]).astype(int))
-    row = np.hstack([shown[k] for k in chosen])
-    fine, data = cv2.imencode(".png", np.ascontiguousarray(row[..., ::-1]))
-    if not fine:
-        raise OSError(f"{path}: could not be encoded")
-    path.write_bytes(data.tobytes())
+    pictures.write_png(path, np.hstack([shown[k] for k in chosen]))
 
 
 def write_preview(shown: list[Picture], path: Path) -> None:

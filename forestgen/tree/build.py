@@ -73,33 +73,68 @@ def build_tree(
         StageError: a photo defeats a stage; the message says which and what to do.
     """
     watch = _Stopwatch(on_stage)
+    views = [_look(source, index, method, height, seed, watch) for index, source in enumerate(sources)]
+    return _grow(views, method, watch, name=name, method_name=method_name, height=height, seed=seed)
+
+
+def grow_views(
+    views: Sequence[View],
+    method: Method,
+    *,
+    name: str,
+    method_name: str,
+    height: float,
+    seed: int,
+    on_stage: OnStage | None = None,
+) -> TreeModel:
+    """Build a tree from views that are known: mattes, traces and cameras stay as they are.
+
+    Raises:
+        StageError: the views defeat a stage.
+    """
+    return _grow(views, method, _Stopwatch(on_stage), name=name, method_name=method_name, height=height, seed=seed)
+
+
+def _look(source: Source, index: int, method: Method, height: float, seed: int, watch: _Stopwatch) -> View:
+    """What is found in one photo, and the camera that took it."""
+    with watch.time("segment"):
+        mattes = method.segment(source.photo, source.strokes, rng=stage_rng(seed, "segment", index))
+    with watch.time("trace"):
+        branches = method.trace(source.photo, source.strokes, mattes, rng=stage_rng(seed, "trace", index))
+    # after the trace: painted foliage hides no branch from it
+    mattes = paint(mattes, source.strokes.density, rng=stage_rng(seed, "paint", index))
+    camera = photo_camera(
+        mattes,
+        source.strokes,
+        height,
+        azimuth=source.azimuth,
+        elevation=source.elevation,
+        scale=source.scale,
+        root=source.root,
+        focal_px=source.focal_px,
+    )
+    return View(source.photo, source.strokes, mattes, branches, camera)
+
+
+def _grow(
+    views: Sequence[View],
+    method: Method,
+    watch: _Stopwatch,
+    *,
+    name: str,
+    method_name: str,
+    height: float,
+    seed: int,
+) -> TreeModel:
+    """The stages that follow the views."""
     costs: dict[str, list[float]] = defaultdict(list)
 
     def on_step(done: int, total: int, values: Mapping[str, float]) -> None:
         for cost, value in values.items():
             costs[cost].append(value)
-        if on_stage is not None:
-            on_stage("grow", done, total)
+        if watch.on_stage is not None:
+            watch.on_stage("grow", done, total)
 
-    views = []
-    for index, source in enumerate(sources):
-        with watch.time("segment"):
-            mattes = method.segment(source.photo, source.strokes, rng=stage_rng(seed, "segment", index))
-        with watch.time("trace"):
-            branches = method.trace(source.photo, source.strokes, mattes, rng=stage_rng(seed, "trace", index))
-        # after the trace: painted foliage hides no branch from it
-        mattes = paint(mattes, source.strokes.density, rng=stage_rng(seed, "paint", index))
-        camera = photo_camera(
-            mattes,
-            source.strokes,
-            height,
-            azimuth=source.azimuth,
-            elevation=source.elevation,
-            scale=source.scale,
-            root=source.root,
-            focal_px=source.focal_px,
-        )
-        views.append(View(source.photo, source.strokes, mattes, branches, camera))
     with watch.time("lift"):
         skeleton = method.lift(views, rng=stage_rng(seed, "lift"))
     with watch.time("radius"):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.radius import trunk_radius
-from forestgen.tree.skeleton import Skeleton, n_children
+from forestgen.tree.skeleton import Skeleton, n_children, tips_beyond
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
 
@@ -43,15 +43,6 @@ class DaVinci(Strategy):
         if self.measured:
             radius = tapered(skeleton.parent, share, stem, without_stumps(skeleton, radius))
         return replace(skeleton, radius=radius)
-
-
-def tips_beyond(parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many tips lie beyond each node (N,); 1 at a tip: the particles that flowed together there."""
-    count = (n_children(parent) == 0).astype(np.int64).tolist()
-    above = parent.tolist()
-    for node in range(len(count) - 1, 0, -1):
-        count[above[node]] += count[node]
-    return np.array(count, np.int64)
 
 
 def stem_radius(skeleton: Skeleton, tips: NDArray[np.int64]) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.tree.foliage_poses import quaternions
 from forestgen.tree.growth import Anchors, GrowingTree, Pose, Wood
 from forestgen.tree.growth_binding import bind_leaves
 from forestgen.tree.limbs import unit
@@ -38,7 +39,7 @@ class GrowingLeaves:
     def orientation_at(self, tree: GrowingTree, at: Pose) -> NDArray[np.float64]:
         """The leaves' quaternions (L, 4): from the bud's to the open leaf's, carried by the bent branch."""
         own = slerp(self.bud, self.orientation, opened(tree, self.wood.born, at.time))
-        return multiply(quaternion(at.turn[self.anchors.node]), own)
+        return multiply(quaternions(at.turn[self.anchors.node]), own)
 
 
 def opened(tree: GrowingTree, born: NDArray[np.float64], time: float) -> NDArray[np.float64]:
@@ -106,18 +107,3 @@ def slerp(p: NDArray[np.float64], q: NDArray[np.float64], t: NDArray[np.float64]
     b = np.where(far, np.sin(t * angle) / safe, t)
     out = a[:, None] * p + b[:, None] * q
     return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
-
-
-def quaternion(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternions (L, 4) of rotations (L, 3, 3) by less than half a turn."""
-    w = np.sqrt(np.maximum(1 + np.trace(matrix, axis1=1, axis2=2), 1e-6)) / 2
-    skew = np.stack(
-        [
-            matrix[:, 2, 1] - matrix[:, 1, 2],
-            matrix[:, 0, 2] - matrix[:, 2, 0],
-            matrix[:, 1, 0] - matrix[:, 0, 1],
-        ],
-        axis=1,
-    )
-    q = np.concatenate([w[:, None], skew / (4 * w[:, None])], axis=1)
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.radius import thinned, trunk_radius
-from forestgen.tree.radius_unseen import unseen_radius
+from forestgen.tree.radius import slender_unseen, trunk_radius
 from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -37,10 +36,7 @@ class MeasuredWidth(Strategy):
 
     def __call__(self, skeleton: Skeleton, views: Sequence[View]) -> Skeleton:
         radius = measured_width(skeleton, self.ratio, self.tip)
-        if self.slender > 0 and np.isnan(skeleton.radius).any():
-            may_thin = np.isnan(skeleton.radius) & (radius <= self.slender * radius[0])
-            radius = thinned(radius, np.where(may_thin, unseen_radius(skeleton, views), np.inf), skeleton.parent)
-        return replace(skeleton, radius=radius)
+        return replace(skeleton, radius=slender_unseen(skeleton, views, radius, self.slender))
 
 
 def measured_width(skeleton: Skeleton, ratio: float, tip: float) -> NDArray[np.float64]:

@@ -47,10 +47,18 @@ class MeasuredTaper(Strategy):
 
     def __call__(self, skeleton: Skeleton, views: Sequence[View]) -> Skeleton:
         radius = measured_taper(skeleton, self.exponent, self.twig_share)
-        if self.slender > 0 and np.isnan(skeleton.radius).any():
-            may_thin = np.isnan(skeleton.radius) & (radius <= self.slender * radius[0])
-            radius = thinned(radius, np.where(may_thin, unseen_radius(skeleton, views), np.inf), skeleton.parent)
-        return replace(skeleton, radius=radius)
+        return replace(skeleton, radius=slender_unseen(skeleton, views, radius, self.slender))
+
+
+def slender_unseen(
+    skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.float64], slender: float
+) -> NDArray[np.float64]:
+    """Radii (N,), metres, with unmeasured wood of up to `slender` of the trunk's too thin to be seen before the sky."""
+    unknown = np.isnan(skeleton.radius)
+    if not (slender > 0 and unknown.any()):
+        return radius
+    may_thin = unknown & (radius <= slender * radius[0])
+    return thinned(radius, np.where(may_thin, unseen_radius(skeleton, views), np.inf), skeleton.parent)
 
 
 def trunk_radius(skeleton: Skeleton) -> float:

@@ -23,6 +23,15 @@ def n_children(parent: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.bincount(parent[1:], minlength=len(parent)).astype(np.int64)
 
 
+def tips_beyond(parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many tips lie beyond each node (N,); 1 at a tip: the particles that flowed together there."""
+    count = (n_children(parent) == 0).astype(np.int64).tolist()
+    above = parent.tolist()
+    for node in range(len(count) - 1, 0, -1):
+        count[above[node]] += count[node]
+    return np.array(count, np.int64)
+
+
 def path_length(position: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.float64]:
     """Length along the branches from the root to each node (N,), in the units of position."""
     length = np.zeros(len(parent))

@@ -121,7 +121,7 @@ class GrowthLayer:
         self.boxes.setdefault(frame, []).append(box)
 
     def save(self, folder: Path) -> Path:
-        """Write the layer; attributes without samples are left out.
+        """Write the layer.
 
         Raises:
             OSError: it could not be written.
@@ -179,7 +179,6 @@ def write_variants(
                 root.SetCustomDataByKey("forestgen:growth", notes)
     set_times(stage, fps, frames)
     save(stage.GetRootLayer(), folder / path.name)
-
     return save(_film_layer(name, path.name, fps, frames), folder / FILM)
 
 

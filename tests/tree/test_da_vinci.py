@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from forestgen.tree.da_vinci import DaVinci, radius_shares, stem_radius, tapered, tips_beyond
-from forestgen.tree.skeleton import Skeleton, n_children
+from forestgen.tree.da_vinci import DaVinci, radius_shares, stem_radius, tapered
+from forestgen.tree.skeleton import Skeleton, n_children, tips_beyond
 from tests.tree.skeletons import random_tree
 
 #  3   4

@@ -10,11 +10,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from forestgen.errors import InputError
+from forestgen.tree.foliage_poses import quaternions
 from forestgen.tree.growth import MODES, Anchors, Growth
 from forestgen.tree.growth_age import birth_times, growth_age
 from forestgen.tree.growth_binding import bind_mesh, limbs_of, rings_of
 from forestgen.tree.growth_keys import gap, key_frames, leaf_error
-from forestgen.tree.growth_leaves import blade, bound_leaves, opened, quaternion, slerp
+from forestgen.tree.growth_leaves import blade, bound_leaves, opened, slerp
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.model import Bark, Mesh
 from forestgen.tree.skeleton import Skeleton, path_length
@@ -211,7 +212,7 @@ def test_quaternions() -> None:
     half = np.sqrt(0.5)
     quarter = np.array([[half, 0, half, 0]])  # about +Y
     matrix = np.array([[[0, 0, 1], [0, 1, 0], [-1, 0, 0]]], float)
-    assert_allclose(quaternion(matrix), quarter, atol=1e-12)
+    assert_allclose(quaternions(matrix), quarter, atol=1e-12)
     none = np.array([[1.0, 0, 0, 0]])
     eighth = [[np.cos(np.pi / 8), 0, np.sin(np.pi / 8), 0]]
     assert_allclose(slerp(none, quarter, np.array([0.5])), eighth)

@@ -13,12 +13,12 @@ from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.phyllotaxis_shoots import ShootRules, buds_on, grow_shoots
 from forestgen.tree.grow.phyllotaxis_volume import dense_volume
 from forestgen.tree.grow.twigs import grow_twigs
+from forestgen.tree.grow.whole_crown import VISIBLE_SPACING
 from forestgen.tree.radius import trunk_radius
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.strategy import OnStep, Strategy
 from forestgen.tree.view import View
 
-VISIBLE_SPACING = 0.02  # of the height: nodes of main branches are no farther apart
 RACHIS_SPACING = 0.6  # of a compound leaf's length, between two of them on their bearer
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.lift.flow_tracing import Graph, norm
-from forestgen.tree.skeleton import height_above_tips, main_child, n_children, path_length
+from forestgen.tree.skeleton import height_above_tips, main_child, n_children, path_length, tips_beyond
 
 DETOUR = 0.6  # a way that is as the crow flies less than that of its length is cut short
 BACKWARD = -0.2  # least cosine between a branch and what bears it, at their joint
@@ -117,11 +117,3 @@ def kept(graph: Graph, keep: NDArray[np.bool_]) -> Graph:
     rank = np.cumsum(keep) - 1
     parent = np.where(above >= 0, rank[above], -1)
     return Graph(graph.position[keep], parent[keep], graph.limb[keep])
-
-
-def tips_beyond(parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of tips beyond each node (N,), itself where it is one: how many particles were combined (sec. 8)."""
-    count: NDArray[np.int64] = (n_children(parent) == 0).astype(np.int64)
-    for node in range(len(parent) - 1, 0, -1):
-        count[parent[node]] += count[node]
-    return count

@@ -9,9 +9,8 @@ from scipy.spatial import cKDTree
 
 from forestgen.tree.lift.direction_field import Blend, graph_points
 from forestgen.tree.lift.flow_in_plane import flow_in_plane
-from forestgen.tree.lift.flow_smoothing import tips_beyond
 from forestgen.tree.lift.flow_tracing import Graph
-from forestgen.tree.skeleton import n_children
+from forestgen.tree.skeleton import n_children, tips_beyond
 
 #  2   3
 #   \ /
