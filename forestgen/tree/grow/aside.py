@@ -6,6 +6,9 @@ not leap over; the small ones between leaves it only meets in the picture.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -29,25 +32,28 @@ def step_aside(
     """
     young = height_above_tips(position, parent) < YOUNG * volume.height
     young[:n_fixed] = False
-    position, parent, may_move = _divided(position, parent, young, volume)
+    gaps, foliage = _gaps(volume), [_nearest_to(shown) for shown in volume.shown]
+    position, parent, may_move = _divided(position, parent, young, volume, gaps)
     before = position.copy()
     for _ in range(ROUNDS):
-        for camera, shown, gap in zip(volume.cameras, volume.shown, _gaps(volume), strict=True):
+        for camera, nearest, gap in zip(volume.cameras, foliage, gaps, strict=True):
             xy = camera.project(position)
             there, column, row = _in_frame(xy, gap.shape)
             moves = np.flatnonzero(may_move & there & gap[row, column])
-            goal, away = _nearest(shown, row[moves], column[moves])
+            goal, away = nearest.of(row[moves], column[moves])
             near = away <= REACH * volume.height * camera.px_per_metre
             moves, goal = moves[near], goal[near]
             position[moves] = camera.unproject(goal, camera.depth(position[moves]))
-    worse = _views_over_gaps(position, volume) > _views_over_gaps(before, volume)
+    worse = _views_over_gaps(position, volume, gaps) > _views_over_gaps(before, volume, gaps)
     return np.where(worse[:, None], before, position), parent
 
 
-def _views_over_gaps(position: NDArray[np.float64], volume: CrownVolume) -> NDArray[np.int64]:
+def _views_over_gaps(
+    position: NDArray[np.float64], volume: CrownVolume, gaps: Sequence[NDArray[np.bool_]]
+) -> NDArray[np.int64]:
     """In how many views points (N, 3) lie over gaps, or out of the frame, (N,)."""
     count = np.zeros(len(position), np.int64)
-    for camera, gap in zip(volume.cameras, _gaps(volume), strict=True):
+    for camera, gap in zip(volume.cameras, gaps, strict=True):
         there, column, row = _in_frame(camera.project(position), gap.shape)
         count += ~there | gap[row, column]
     return count
@@ -59,13 +65,17 @@ def _gaps(volume: CrownVolume) -> list[NDArray[np.bool_]]:
 
 
 def _divided(
-    position: NDArray[np.float64], parent: NDArray[np.int64], young: NDArray[np.bool_], volume: CrownVolume
+    position: NDArray[np.float64],
+    parent: NDArray[np.int64],
+    young: NDArray[np.bool_],
+    volume: CrownVolume,
+    gaps: Sequence[NDArray[np.bool_]],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
     """The tree with more nodes on the young segments (N,) that run over gaps; and which of its nodes are young."""
     start = position[np.maximum(parent, 0)]
     way = position - start
     crosses = np.zeros(len(parent), bool)
-    for camera, gap in zip(volume.cameras, _gaps(volume), strict=True):
+    for camera, gap in zip(volume.cameras, gaps, strict=True):
         for t in (np.arange(PROBES) + 1) / PROBES:
             there, column, row = _in_frame(camera.project(start + t * way), gap.shape)
             crosses |= there & gap[row, column]
@@ -91,14 +101,24 @@ def _in_frame(
     return there, np.where(there, column, 0), np.where(there, row, 0)
 
 
-def _nearest(
-    mask: NDArray[np.bool_], row: NDArray[np.int64], column: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The middle (N, 2) xy of the mask's pixel that is nearest to each pixel, and how far that is (N,), px."""
+@dataclass(frozen=True, eq=False)
+class _Nearest:
+    """For every pixel (H, W) the mask's pixel that is nearest, and how far that is."""
+
+    label: NDArray[np.int32]  # (H, W)
+    middle: NDArray[np.float64]  # (labels, 2) xy px
+    away: NDArray[np.float32]  # (H, W) px
+
+    def of(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The middle (N, 2) xy of the pixel that is nearest to each pixel, and how far that is (N,), px."""
+        return self.middle[self.label[row, column]], self.away[row, column].astype(np.float64)
+
+
+def _nearest_to(mask: NDArray[np.bool_]) -> _Nearest:
     away, label = cv2.distanceTransformWithLabels(
         (~mask).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     rows, columns = np.nonzero(mask)
-    of_label = np.zeros((int(label.max()) + 1, 2))
-    of_label[label[rows, columns]] = np.column_stack([columns, rows]) + 0.5
-    return of_label[label[row, column]], away[row, column].astype(np.float64)
+    middle = np.zeros((int(label.max()) + 1, 2))
+    middle[label[rows, columns]] = np.column_stack([columns, rows]) + 0.5
+    return _Nearest(np.asarray(label, np.int32), middle, np.asarray(away, np.float32))

@@ -54,8 +54,10 @@ def grow_sprays(
     """
     for view, camera in enumerate(volume.cameras):
         picture = _draw(position, parent, bare, volume, view)
+        places, above = list(position), parent.tolist()  # lists: a tree is not copied for each of its sprays
         for way in _ways(picture, spacing * camera.px_per_metre):
-            position, parent = _attach(position, parent, way, picture, volume, view, rng=rng)
+            _attach(places, above, way, picture, volume, view, rng=rng)
+        position, parent = np.array(places), np.array(above, np.int64)
     return position, parent
 
 
@@ -75,8 +77,9 @@ def _draw(
     xy = np.round((np.clip(volume.cameras[view].project(position), -1e4, 1e5) - 0.5) * 2**SHIFT).astype(np.int32)
     bears = np.ones(len(parent), bool)
     bears[[0, *bare]] = False
+    ends, above = xy.tolist(), parent.tolist()
     for node in np.flatnonzero(bears).tolist():
-        cv2.line(owner, xy[parent[node]].tolist(), xy[node].tolist(), node, 1, cv2.LINE_8, SHIFT)
+        cv2.line(owner, ends[above[node]], ends[node], node, 1, cv2.LINE_8, SHIFT)
     corner = np.array([columns[0], rows[0]])
     return _Picture(cost[part].astype(np.uint8), shown[part], owner[part].copy(), corner)
 
@@ -88,12 +91,12 @@ def _ways(picture: _Picture, near: float) -> Iterator[NDArray[np.int64]]:
     served = (price <= near * STRAIGHT).astype(np.uint8)
     tips = np.flatnonzero(picture.is_leaf & (served == 0) & (price < FAR))
     reach = int(np.ceil(near)) + 1
-    flat, following = served.ravel(), following.ravel()
+    flat, following, owner = served.ravel(), following.ravel(), picture.owner.ravel()
     for tip in tips[np.argsort(-price.ravel()[tips], kind="stable")].tolist():
         if flat[tip]:
             continue
         way = [tip]
-        while following[way[-1]] >= 0 and picture.owner.ravel()[way[-1]] < 0:
+        while following[way[-1]] >= 0 and owner[way[-1]] < 0:
             way.append(int(following[way[-1]]))
         row, column = np.divmod(np.array(way[::-1]), width)
         xy = np.column_stack([column, row])
@@ -117,32 +120,31 @@ def _bends(way: NDArray[np.int64], step: float) -> NDArray[np.int64]:
 
 
 def _attach(
-    position: NDArray[np.float64],
-    parent: NDArray[np.int64],
+    places: list[NDArray[np.float64]],
+    above: list[int],
     way: NDArray[np.int64],
     picture: _Picture,
     volume: CrownVolume,
     view: int,
     *,
     rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The tree with a spray along a way; its pixels are noted as the spray's."""
+) -> None:
+    """Put a spray along a way to the tree's places and parents; its pixels are noted as the spray's."""
     camera = volume.cameras[view]
     foot = int(picture.owner[way[0, 1], way[0, 0]])
     at = _bends(way, STEP * volume.height * camera.px_per_metre)
-    n = len(at)
     xy = way[at] + picture.corner + 0.5
     length = np.linalg.norm(np.diff(np.vstack([way[:1] + picture.corner + 0.5, xy]), axis=0), axis=1)
-    start = camera.depth(position[foot : foot + 1])[0]
+    start = camera.depth(places[foot][None])[0]
     toward = start + SLOPE * rng.normal() * np.cumsum(length) / camera.px_per_metre
     points = camera.unproject(xy, toward)
     n = _reach(points, volume, view)
-    first = len(parent)
+    first = len(above)
     for k in range(n):
         part = way[(at[k - 1] if k else 0) + 1 : at[k] + 1]
         picture.owner[part[:, 1], part[:, 0]] = first + k
-    above = np.concatenate([[foot], np.arange(first, first + n - 1)])[:n]
-    return np.concatenate([position, points[:n]]), np.concatenate([parent, above])
+    places.extend(points[:n])
+    above.extend([foot, *range(first, first + n - 1)][:n])
 
 
 def _reach(points: NDArray[np.float64], volume: CrownVolume, view: int) -> int:
