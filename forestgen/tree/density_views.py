@@ -17,7 +17,7 @@ from scipy.sparse import vstack
 
 from forestgen.errors import StageError
 from forestgen.tree.density import DensityVolume
-from forestgen.tree.density_rays import optical_depth, rasterise, ray_matrix
+from forestgen.tree.density_rays import Raster, optical_depth, rasterise, ray_matrix
 from forestgen.tree.density_shape import is_one_sided, shape_crown, side_silhouette, silhouette
 from forestgen.tree.density_solve import least_squares, most_even
 from forestgen.tree.scale import LINK, disc, own_part
@@ -46,8 +46,9 @@ def estimate_density(
     alpha[alpha < THRESHOLD] = 0.0
     if prior:
         alpha[filled] = np.maximum(alpha[filled], THRESHOLD)  # a small gap, or views that disagree a little
-    _check_explained(views, images, alpha, grid)
-    return solve(alpha, views, images, grid, prior=prior) if refine else DensityVolume(alpha, grid.low, grid.edge)
+    rasters = [rasterise(image, view.camera, grid) for image, view in zip(images, views, strict=True)]
+    _check_explained(views, rasters, alpha, grid)
+    return solve(alpha, rasters, grid, prior=prior) if refine else DensityVolume(alpha, grid.low, grid.edge)
 
 
 def least_seen(
@@ -61,18 +62,10 @@ def least_seen(
     return alpha
 
 
-def solve(
-    alpha: NDArray[np.float64],
-    views: Sequence[View],
-    images: Sequence[NDArray[np.float64]],
-    grid: DensityVolume,
-    *,
-    prior: bool,
-) -> DensityVolume:
+def solve(alpha: NDArray[np.float64], rasters: Sequence[Raster], grid: DensityVolume, *, prior: bool) -> DensityVolume:
     """Refine a first guess (I, J, K) so that the voxels' transparencies multiply to those of the photos (eq. 1)."""
     filled = alpha > 0
     points = grid.centres(filled)
-    rasters = [rasterise(image, view.camera, grid) for image, view in zip(images, views, strict=True)]
     rays = vstack([ray_matrix(raster, points) for raster in rasters], format="csr")
     seen = np.concatenate([optical_depth(raster.value.ravel()) for raster in rasters])
     depth = (most_even if prior else least_squares)(rays, seen, optical_depth(alpha[filled]))
@@ -156,12 +149,11 @@ def _shape(views: Sequence[View], images: Sequence[NDArray[np.float64]], grid: D
 
 
 def _check_explained(
-    views: Sequence[View], images: Sequence[NDArray[np.float64]], alpha: NDArray[np.float64], grid: DensityVolume
+    views: Sequence[View], rasters: Sequence[Raster], alpha: NDArray[np.float64], grid: DensityVolume
 ) -> None:
     """Refuse views that leave each other hardly any room."""
     points = grid.centres(alpha > 0)
-    for view, image in zip(views, images, strict=True):
-        raster = rasterise(image, view.camera, grid)
+    for view, raster in zip(views, rasters, strict=True):
         is_tree = raster.value > THRESHOLD
         index, inside = raster.nearest(points)
         met = np.zeros(is_tree.size, np.uint8)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.errors import StageError
+from forestgen.tree.density_shape import is_one_sided
 from forestgen.tree.grow.leaf_masses import LeafMasses
 from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
 from forestgen.tree.scale import own_part
@@ -32,7 +33,6 @@ SKIN = 0.03  # this near to the crown's front no limb grows: leaves must hide it
 LONG = 0.003  # a segment longer than this could leap over a gap that no wood may cross
 PLACES = 8  # of such a segment that are looked at
 PROBES = 4000  # random points that measure the volume
-SIDE_VIEW = np.deg2rad(30)  # a second photo from at least this far round bounds the depth itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,9 +153,7 @@ def crown_volume(views: Sequence[View], *, is_round: bool = True) -> CrownVolume
         leafy.append(inner | thin)
         outlines.append(envelope(crown, CLOSE * unit))
         wooden.append(outlines[-1] & own & view.mattes.is_branch & ~leafy[-1])
-    azimuth = np.array([view.camera.azimuth for view in views])
-    apart = np.abs((azimuth[:, None] - azimuth + np.pi / 2) % np.pi - np.pi / 2)
-    is_open = is_round and apart.max() < SIDE_VIEW
+    is_open = is_round and is_one_sided([view.camera for view in views])
     turned = turn_outline(outlines[0], views[0].camera, height) if is_open else None
     low, high = _box(outlines, [view.camera for view in views], height)
     cameras = tuple(view.camera for view in views)

@@ -45,6 +45,13 @@ class MattingLaplacian:
         return np.asarray(_diagonal(self.affinity, self.offset, at))
 
 
+def half_stencil(reach: int, wide: int) -> NDArray[np.int64]:
+    """Steps (m,) to the neighbours within `reach` that come after a place, on a grid so wide."""
+    step = np.arange(-reach, reach + 1)
+    dy, dx = (axis.ravel() for axis in np.meshgrid(step, step, indexing="ij"))
+    return np.asarray((dy * wide + dx)[(dy > 0) | ((dy == 0) & (dx > 0))])
+
+
 def matting_laplacian(rgb: NDArray[np.floating], radius: int, epsilon: float) -> MattingLaplacian:
     """The matting Laplacian of a picture (h, w, 3) in [0, 1].
 
@@ -55,11 +62,8 @@ def matting_laplacian(rgb: NDArray[np.floating], radius: int, epsilon: float) ->
     side = 2 * radius + 1
     if min(h, w) < side:
         raise ValueError(f"the picture has {w} x {h} pixels; a window of {side} x {side} does not fit")
-    reach = np.arange(-2 * radius, 2 * radius + 1)
-    dy, dx = (axis.ravel() for axis in np.meshgrid(reach, reach, indexing="ij"))
-    after = (dy > 0) | ((dy == 0) & (dx > 0))
-    offset = (dy * (w + 2 * radius) + dx)[after]
     edge = 2 * radius
+    offset = half_stencil(edge, w + edge)
     affinity = np.zeros(((h + 2 * edge) * (w + edge), len(offset)))
     _add_windows(np.ascontiguousarray(rgb, np.float64), radius, epsilon, affinity)
     windows = [

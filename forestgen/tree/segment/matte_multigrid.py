@@ -10,7 +10,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.segment.laplacian import Flat, MattingLaplacian
+from forestgen.tree.segment.laplacian import Flat, MattingLaplacian, half_stencil
 
 SMALLEST = 4  # places along the shorter side of the last grid
 LAST_SWEEPS = 10  # down and up, which all but solve that grid
@@ -65,13 +65,6 @@ def build_levels(laplacian: MattingLaplacian, free: NDArray[np.int64], pull: flo
         n, blocks = (h + 2 * reach) * (w + reach), half_stencil(reach, w + reach)
         affinity, diagonal = _gather_blocks(affinity, offset, at, block_of, diagonal, blocks, n)
         offset, at = blocks, np.unique(block)
-
-
-def half_stencil(reach: int, wide: int) -> NDArray[np.int64]:
-    """Steps (m,) to the neighbours within `reach` that come after a place, on a grid so wide."""
-    step = np.arange(-reach, reach + 1)
-    dy, dx = (axis.ravel() for axis in np.meshgrid(step, step, indexing="ij"))
-    return np.asarray((dy * wide + dx)[(dy > 0) | ((dy == 0) & (dx > 0))])
 
 
 @nb.njit(cache=True)

@@ -184,7 +184,7 @@ def _like_limbs(found: NDArray[np.bool_], region: Region, limbs: Limbs) -> NDArr
 
 def _forks(found: NDArray[np.bool_], ribbon: NDArray[np.bool_], is_tree: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The patches of wood (h, w) below the crown that lead from a stroked limb up into the crown."""
-    label, _, _ = _patches(found & ~ribbon)
+    _, label = cv2.connectedComponents((found & ~ribbon).astype(np.uint8), connectivity=8)
     block = np.ones((5, 5), np.uint8)
     from_limb, to_crown = (np.unique(label[cv2.dilate(end.astype(np.uint8), block) > 0]) for end in (ribbon, is_tree))
     both = np.intersect1d(from_limb, to_crown)
@@ -192,7 +192,7 @@ def _forks(found: NDArray[np.bool_], ribbon: NDArray[np.bool_], is_tree: NDArray
 
 
 def _patches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
-    """Labels (h, w) of a mask's connected patches, and of each its area and greatest half width, pores closed."""
+    """Labels (h, w) of a mask's connected patches, and of each its area and half width, pores closed."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     depth = cv2.distanceTransform(solid, cv2.DIST_L2, 3)
