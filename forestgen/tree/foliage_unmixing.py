@@ -7,6 +7,7 @@ without the sky, its light and its tint.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -41,14 +42,22 @@ class PureFoliage:
     share: NDArray[np.float32]  # (H, W) in [0, 1] how much of a foliage pixel is leaf; 1 outside
 
 
+_KNOWN: WeakKeyDictionary[View, PureFoliage] = WeakKeyDictionary()
+"""What was found already: atlas and leaves of a build ask for the same views, a third of a second each."""
+
+
 def pure_foliage(view: View) -> PureFoliage:
-    """The view's foliage without its background; what was painted there takes a leaf's colour too."""
-    painted = painted_over(view.strokes.density, view.mattes.foliage.shape) & view.mattes.is_foliage
-    seen = view.mattes.is_foliage & ~painted
-    pure = without_background(view, seen)
-    if painted.any():
-        dress_painted(pure.rgb, pure.share, painted, seen)
-    return pure
+    """The view's foliage without its background; what was painted there takes a leaf's colour too. Read-only."""
+    if view not in _KNOWN:
+        painted = painted_over(view.strokes.density, view.mattes.foliage.shape) & view.mattes.is_foliage
+        seen = view.mattes.is_foliage & ~painted
+        pure = without_background(view, seen)
+        if painted.any():
+            dress_painted(pure.rgb, pure.share, painted, seen)
+        pure.rgb.setflags(write=False)
+        pure.share.setflags(write=False)
+        _KNOWN[view] = pure
+    return _KNOWN[view]
 
 
 def without_background(view: View, is_foliage: NDArray[np.bool_]) -> PureFoliage:
