@@ -15,7 +15,7 @@ from forestgen.tree.foliage import LeavesAlongBranches
 from forestgen.tree.foliage_fit import Placement, blade_samples, footprint, make_target
 from forestgen.tree.model import Leaves
 from tests.synthetic import drawn_tree
-from tests.tree.test_foliage import rotation, twiggy
+from tests.tree.foliage.crown import rotation, twiggy
 
 PX_PER_METRE = 250.0  # a 1300 x 1550 px photo
 PLAIN = 1000  # leaves looked up one by one
