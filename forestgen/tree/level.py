@@ -1,0 +1,49 @@
+"""Level: one level of detail of a tree: wood, leaves and, on the last one, cards."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
+
+SCREEN_PX = 1080  # rows of the screen that switch sizes are told for
+
+EMPTY_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 3), np.int64))
+NO_LEAVES = Leaves(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0), np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of detail, drawn where the tree is at most `switch_px` tall on a screen of SCREEN_PX rows."""
+
+    mesh: Mesh  # wood; no faces where there is none
+    leaves: Leaves  # none where cards stand for them
+    prototypes: tuple[LeafPrototype, ...]  # over the tree's one leaf atlas
+    cards: Mesh  # flat pieces over the card atlas; no faces but on the last level
+    switch_px: float  # infinity for the full tree
+
+    def __post_init__(self) -> None:
+        if len(self.leaves) and self.leaves.prototype.max() >= len(self.prototypes):
+            raise ValueError("Level.leaves points outside its prototypes")
+        if not self.switch_px > 0:
+            raise ValueError(f"Level.switch_px must be above 0, came {self.switch_px}")
+
+    @property
+    def n_triangles(self) -> int:
+        """Triangles as drawn: each leaf counts with those of its prototype."""
+        of_prototype = np.array([len(prototype.faces) for prototype in self.prototypes], np.int64)
+        leaves = int(of_prototype[self.leaves.prototype].sum()) if len(self.leaves) else 0
+        return len(self.mesh.faces) + len(self.cards.faces) + leaves
+
+    @property
+    def n_instances(self) -> int:
+        """Leaves."""
+        return len(self.leaves)
+
+
+def full_level(model: TreeModel) -> Level:
+    """The tree itself."""
+    return Level(model.mesh, model.leaves, model.atlas.prototypes, EMPTY_MESH, math.inf)
