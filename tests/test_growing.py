@@ -74,8 +74,8 @@ def prims(stage: Usd.Stage) -> tuple[UsdGeom.Mesh, UsdGeom.PointInstancer]:
     """The wood and the leaves of a stage, which must be kept: prims do not outlive it."""
     root = stage.GetDefaultPrim().GetPath()
     return (
-        UsdGeom.Mesh(stage.GetPrimAtPath(root.AppendPath("geo/branches"))),
-        UsdGeom.PointInstancer(stage.GetPrimAtPath(root.AppendPath("geo/leaves"))),
+        UsdGeom.Mesh(stage.GetPrimAtPath(root.AppendPath("geo/LOD0/branches"))),
+        UsdGeom.PointInstancer(stage.GetPrimAtPath(root.AppendPath("geo/LOD0/leaves"))),
     )
 
 

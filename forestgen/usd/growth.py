@@ -1,7 +1,7 @@
 """An animated tree asset: a layer of time samples, brought in by a variant of the tree's root prim.
 
 <name>.usda    variant set `growth`: static (selected), animated (payload growth.usdc); time codes
-growth.usdc    over /<name>/geo: samples of points, normals, positions, scales, orientations, extents
+growth.usdc    over /<name>/geo/LOD0: samples of points, normals, positions, scales, orientations, extents
 growing.usda   the same tree with `animated` selected: for readers that cannot choose a variant
 """
 
@@ -20,6 +20,7 @@ from forestgen.usd.geometry import Box, box_of, instances_box, union, vec3f
 from forestgen.usd.layers import new_stage, open_stage, save
 
 SET, STILL, MOVING = "growth", "static", "animated"
+FULL = "geo/LOD0"  # the level of detail that grows; the others show the finished tree
 LAYER, FILM = "growth.usdc", "growing.usda"
 
 
@@ -50,13 +51,13 @@ def read_still(path: Path) -> StillTree:
     if SET in root.GetVariantSets().GetNames():
         with Usd.EditContext(stage, stage.GetSessionLayer()):
             root.GetVariantSet(SET).SetVariantSelection(STILL)
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(root.GetPath().AppendPath("geo/branches")))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(root.GetPath().AppendPath(f"{FULL}/branches")))
     points = _rows(mesh.GetPointsAttr().Get() if mesh else None, np.float32, 3)
     count = np.array(mesh.GetFaceVertexCountsAttr().Get() if mesh else [])
     if not len(points) or not np.all(count == 3):
-        raise InputError(f"{path}: has no triangles at geo/branches; expected a tree that was built: build it again")
+        raise InputError(f"{path}: has no triangles at {FULL}/branches; expected a tree that was built: build it again")
     normals = _rows(mesh.GetNormalsAttr().Get(), np.float32, 3)
-    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath(root.GetPath().AppendPath("geo/leaves")))
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath(root.GetPath().AppendPath(f"{FULL}/leaves")))
     box, which = np.zeros((1, 2, 3), np.float32), np.zeros(0, np.int64)
     if leaves:
         which = np.array(leaves.GetProtoIndicesAttr().Get(), np.int64)
@@ -86,7 +87,7 @@ class GrowthLayer:
         self.stage = new_stage(still.name)
         self.layer = self.stage.GetRootLayer()
         set_times(self.stage, fps, frames)
-        self.geo = Sdf.Path(f"/{still.name}/geo")
+        self.geo = Sdf.Path(f"/{still.name}/{FULL}")
         self.boxes: dict[int, list[Box]] = {}
         names = {"branches": ("points", "normals"), "leaves": ("positions", "scales", "orientations")}
         types = {"orientations": "quath[]", "points": "point3f[]", "positions": "point3f[]", "normals": "normal3f[]"}

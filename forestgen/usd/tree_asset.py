@@ -2,7 +2,7 @@
 
     <name>.usda       /<name> Xform, kind component, extents hint, payload, class to inherit from
     payload.usdc      sublayers the two below
-    geometry.usdc     /<name>/geo/branches Mesh, /<name>/geo/leaves PointInstancer
+    geometry.usdc     /<name>/geo/LOD0/branches Mesh, /<name>/geo/LOD0/leaves PointInstancer
     materials.usdc    /<name>/mtl/bark, /<name>/mtl/leaf
     textures/         leaf.png (colour and cut-out), bark.png
 
@@ -73,10 +73,11 @@ def _geometry(model: TreeModel, name: str) -> tuple[Sdf.Layer, Box]:
     stage = new_stage(name)
     tree = UsdGeom.Xform.Define(stage, f"/{name}").GetPath()
     geo = UsdGeom.Scope.Define(stage, tree.AppendChild("geo")).GetPath()
+    full = UsdGeom.Xform.Define(stage, geo.AppendChild("LOD0")).GetPath()
     mtl = tree.AppendChild("mtl")
-    boxes = [define_mesh(stage, geo.AppendChild("branches"), model.mesh, mtl.AppendChild("bark"))]
+    boxes = [define_mesh(stage, full.AppendChild("branches"), model.mesh, mtl.AppendChild("bark"))]
     if len(model.leaves):
-        leaves = geo.AppendChild("leaves")
+        leaves = full.AppendChild("leaves")
         boxes.append(define_leaves(stage, leaves, model.leaves, model.atlas.prototypes, mtl.AppendChild("leaf")))
     return stage.GetRootLayer(), union(boxes)
 

@@ -95,7 +95,7 @@ def test_surfaces_come_back(oak: Path) -> None:
 
 def test_a_scene_draws_each_mesh_once_at_all_its_places(scene: Path) -> None:
     drawables = read_drawables(scene)
-    wood = next(d for d in drawables if d.name == "/wood/trees/oak/geo/branches")
+    wood = next(d for d in drawables if d.name == "/wood/trees/oak/geo/LOD0/branches")
     assert len(drawables) == 6  # oak's branches and three leaves, bare's branches, the ground
     assert_allclose(wood.transforms[:, :3, 3], FOREST.position[[0, 2]], atol=1e-6)
     assert_allclose(np.linalg.det(wood.transforms[:, :3, :3]), [1, 0.9**3], atol=1e-6)

@@ -64,7 +64,7 @@ def test_authored_extent_is_the_computed_one(oak: Path) -> None:
 def test_mesh_comes_back_as_it_was_and_complete(oak: Path) -> None:
     stage = Usd.Stage.Open(str(oak))
     model = tree_model()
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/branches"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/LOD0/branches"))
     assert_allclose(mesh.GetPointsAttr().Get(), model.mesh.points, atol=FLOAT)
     assert_array_equal(np.reshape(mesh.GetFaceVertexIndicesAttr().Get(), (-1, 3)), model.mesh.faces)
     assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
@@ -80,7 +80,7 @@ def test_mesh_comes_back_as_it_was_and_complete(oak: Path) -> None:
 def test_leaves_come_back_as_they_were(oak: Path) -> None:
     stage = Usd.Stage.Open(str(oak))
     model = tree_model()
-    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/leaves"))
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/LOD0/leaves"))
     assert leaves.GetInstanceCount() == len(model.leaves) == 50
     assert_array_equal(leaves.GetProtoIndicesAttr().Get(), model.leaves.prototype)
     assert_allclose(leaves.GetPositionsAttr().Get(), model.leaves.position, atol=FLOAT)
@@ -88,13 +88,13 @@ def test_leaves_come_back_as_they_were(oak: Path) -> None:
     for written, (w, i, j, k) in zip(leaves.GetOrientationsAttr().Get(), model.leaves.orientation, strict=True):
         assert_allclose([written.real, *written.imaginary], [w, i, j, k], atol=1e-3)  # half floats
     targets = leaves.GetPrototypesRel().GetTargets()
-    assert targets == [Sdf.Path(f"/oak/geo/leaves/Prototypes/leaf_{k:02d}") for k in range(3)]
-    assert stage.GetPrimAtPath("/oak/geo/leaves/Prototypes").GetTypeName() == "Scope"
+    assert targets == [Sdf.Path(f"/oak/geo/LOD0/leaves/Prototypes/leaf_{k:02d}") for k in range(3)]
+    assert stage.GetPrimAtPath("/oak/geo/LOD0/leaves/Prototypes").GetTypeName() == "Scope"
 
 
 def test_each_prototype_is_a_plain_mesh_that_binds_the_leaf_material(oak: Path) -> None:
     stage = Usd.Stage.Open(str(oak))
-    for prim in stage.GetPrimAtPath("/oak/geo/leaves/Prototypes").GetChildren():
+    for prim in stage.GetPrimAtPath("/oak/geo/LOD0/leaves/Prototypes").GetChildren():
         assert prim.GetTypeName() == "Mesh"
         assert not UsdGeom.Xformable(prim).GetOrderedXformOps()
         assert prim.GetRelationship("material:binding").GetTargets() == [Sdf.Path("/oak/mtl/leaf")]
@@ -112,7 +112,7 @@ def test_a_known_quarter_turn_puts_the_leaf_where_it_belongs(tmp_path: Path) -> 
         prototype=np.array([0]),
     )
     stage = Usd.Stage.Open(str(write_tree_asset(tree_model(leaves=leaves), tmp_path / "oak")))
-    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/leaves"))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/LOD0/leaves"))
     time = Usd.TimeCode.Default()
     (place,) = instancer.ComputeInstanceTransformsAtTime(time, time)
     assert_allclose(place.Transform(Gf.Vec3d(0, 1, 0)), [0.5, 2.0, 3.0], atol=1e-3)
@@ -128,7 +128,7 @@ def test_instancer_extent_by_hand(tmp_path: Path) -> None:
     )
     path = write_tree_asset(tree_model(leaves=leaves, n_prototypes=1), tmp_path / "oak")
     stage = Usd.Stage.Open(str(path))
-    extent = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/leaves")).GetExtentAttr().Get()
+    extent = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/LOD0/leaves")).GetExtentAttr().Get()
     assert_allclose(extent, [[-0.4, 0.0, 0.0], [0.4, 3.0, 0.1]], atol=FLOAT)
 
 
@@ -265,6 +265,6 @@ def test_st_with_one_value_many_times_is_indexed_and_comes_back(tmp_path: Path) 
     same = replace(leaf, uv=np.array([[0.5, 0.0], [0.5, -0.0], [0.5, 1.0]]))
     model = replace(model, atlas=replace(model.atlas, prototypes=(same,)))
     stage = Usd.Stage.Open(str(write_tree_asset(model, tmp_path / "oak")))
-    st = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/oak/geo/leaves/Prototypes/leaf_00")).GetPrimvar("st")
+    st = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/oak/geo/LOD0/leaves/Prototypes/leaf_00")).GetPrimvar("st")
     assert len(st.Get()) == 2
     assert_allclose(st.ComputeFlattened(), same.uv)

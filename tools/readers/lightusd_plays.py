@@ -9,7 +9,7 @@ import numpy as np
 
 def main(path: Path) -> None:
     """Read points and leaf sizes at some frames, also between two keys."""
-    geometry = f"/{path.parent.name}/geo"
+    geometry = f"/{path.parent.name}/geo/LOD0"
     stage = lightusd.load(str(path))
     points = stage.prim_at(f"{geometry}/branches").attribute("points")
     scales = stage.prim_at(f"{geometry}/leaves").attribute("scales")
