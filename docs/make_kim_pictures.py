@@ -22,7 +22,7 @@ from benchmarks.normalized_matting import strip
 from docs.make_neubert_pictures import PAPER, Picture, in_rows, write_figures
 from forestgen.arrays import stage_rng
 from forestgen.check import pictures
-from forestgen.check.reference import read_provenance, read_views
+from forestgen.reference import read_provenance, read_views
 from forestgen.tree.grow.grafting import Grafting
 from forestgen.tree.growth import Growth
 from forestgen.tree.methods import METHODS

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from forestgen.arrays import stage_rng
 from forestgen.check import pictures
-from forestgen.check.reference import read_provenance, read_views
+from forestgen.reference import read_provenance, read_views
 from forestgen.render import Studio, frame_camera
 from forestgen.tree.da_vinci import DaVinci
 from forestgen.tree.density_views import density_steps

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.camera import Camera
-from forestgen.check.reference import read_views
+from forestgen.reference import read_views
 from forestgen.render import Studio, frame_camera
 from forestgen.usd.read import read_drawables
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.build_record import BUILD
-from forestgen.check.reference import read_provenance
 from forestgen.errors import InputError
 from forestgen.pipeline import check_output
+from forestgen.reference import read_provenance
 from forestgen.staging import install, staging
 from forestgen.tree.growth import Anchors, GrowingTree, Growth, Pose
 from forestgen.tree.growth_binding import bind_mesh

@@ -85,7 +85,7 @@ def write_tree(model: TreeModel, prim_name: str, trees: Path) -> Path:
 
 def _write_tree(model: TreeModel, folder: Path) -> None:
     """Write layers, textures and reference into a new folder; layers and prims are named after it."""
-    from forestgen.check.reference import write_provenance, write_reference
+    from forestgen.reference import write_provenance, write_reference
     from forestgen.usd.cameras import write_cameras
     from forestgen.usd.tree_asset import write_tree_asset
 

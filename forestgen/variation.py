@@ -20,8 +20,8 @@ import numpy as np
 
 from forestgen.build_record import BUILD
 from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture, write_png
-from forestgen.check.reference import Provenance, read_provenance, read_views, write_provenance
 from forestgen.errors import InputError, RenderError, StageError
+from forestgen.reference import Provenance, read_provenance, read_views, write_provenance
 from forestgen.render import Studio, frame_camera
 from forestgen.scene.folder_settings import located
 from forestgen.scene.paths import Location

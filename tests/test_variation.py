@@ -14,9 +14,9 @@ from numpy.testing import assert_allclose
 
 from forestgen import variation
 from forestgen.build_record import BUILD, write_record
-from forestgen.check.reference import read_provenance, read_views
 from forestgen.errors import InputError, RenderError, StageError
 from forestgen.pipeline import build_model, write_tree
+from forestgen.reference import read_provenance, read_views
 from forestgen.scene.manifest import load_scene
 from forestgen.staging import PREFIX
 from forestgen.tree.methods import METHODS

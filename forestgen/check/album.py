@@ -10,9 +10,9 @@ from pathlib import Path
 import cv2
 
 from forestgen.check import pictures
-from forestgen.check.reference import Provenance
 from forestgen.check.report import PictureFile, ViewReport
 from forestgen.check.score import ViewScore
+from forestgen.reference import Provenance
 from forestgen.render import Drawable, Studio, frame_camera
 from forestgen.tree.view import View
 

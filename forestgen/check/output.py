@@ -12,10 +12,10 @@ import numpy as np
 
 from forestgen.check.album import Album, draw_portraits, view_report
 from forestgen.check.film import film_pictures
-from forestgen.check.reference import read_provenance, read_views
 from forestgen.check.report import TreeReport
 from forestgen.check.score import Gates, count, make_gates, score_views
 from forestgen.errors import InputError
+from forestgen.reference import read_provenance, read_views
 from forestgen.render import Studio
 from forestgen.tree.skeleton import n_children
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Ar, Gf, Usd, UsdGeom, UsdShade
 
 from forestgen.errors import InputError
 from forestgen.usd.materials import linear_from_srgb, srgb_from_linear
@@ -130,10 +129,12 @@ def _load(shader: UsdShade.Shader) -> NDArray[np.float32]:
     where = f"{shader.GetPath()}: inputs:file"
     if asset is None:
         raise InputError(f"{where} is empty; a texture node needs a picture file")
-    path = Path(asset.resolvedPath or asset.path)
-    if not path.is_file():
+    path = asset.resolvedPath or asset.path
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))  # a file, or a part of a package
+    if not opened:
         raise InputError(f"{where} leads to {asset.path}, which is not there")
-    image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    data = np.frombuffer(bytes(opened.GetBuffer()), np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{where}: {path} is no picture of 8 or 16 bits")
     value = image.astype(np.float32) / (255 if image.dtype == np.uint8 else 65535)

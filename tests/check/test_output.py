@@ -13,11 +13,11 @@ import pytest
 
 from forestgen.check.output import read_build
 from forestgen.check.plot import cost_panels
-from forestgen.check.reference import write_provenance, write_reference
 from forestgen.check.report import ViewReport
 from forestgen.check.score import MEASURES, Gates, make_gates
 from forestgen.errors import InputError
 from forestgen.pipeline import check_output
+from forestgen.reference import write_provenance, write_reference
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.check.trees import tree_model
 

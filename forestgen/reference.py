@@ -1,4 +1,4 @@
-"""What a finished tree keeps for its check: each view's photo, mattes, trace and camera, and its provenance.
+"""What a finished tree keeps beside its USD: each view's photo, mattes, trace and camera, and its provenance.
 
     reference/provenance.json  skeleton.npz
     reference/view_00/photo.png  foliage.png  branch.png  trace.json  strokes.json  view.json
@@ -42,6 +42,7 @@ class Provenance:
     seed: int
     height: float  # m
     skeleton: Skeleton
+    bark_size: tuple[float, float]  # m, width and height of one repeat of the bark
     costs: Mapping[str, NDArray[np.float64]]  # per growth iteration, by name
     notes: tuple[str, ...]
 
@@ -151,6 +152,7 @@ def write_provenance(model: TreeModel, folder: Path) -> None:
             "seed": model.seed,
             "height": model.height,
             "views": len(model.views),
+            "bark_size": [model.bark.width_m, model.bark.height_m],
             "costs": {name: [_finite(c) for c in np.asarray(cost).tolist()] for name, cost in model.costs.items()},
             "notes": list(model.notes),
         },
@@ -173,13 +175,14 @@ def read_provenance(folder: Path) -> Provenance:
             seed=kept["seed"],
             height=float(kept["height"]),
             skeleton=skeleton,
+            bark_size=(float(kept["bark_size"][0]), float(kept["bark_size"][1])),
             costs={
                 name: np.array([np.nan if c is None else c for c in cost], float)
                 for name, cost in kept["costs"].items()
             },
             notes=tuple(kept["notes"]),
         )
-    except (OSError, EOFError, KeyError, TypeError, AttributeError, ValueError, BadZipFile) as error:
+    except (OSError, EOFError, LookupError, TypeError, AttributeError, ValueError, BadZipFile) as error:
         raise _broken(folder, error) from error
 
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from forestgen.check.reference import (
+from forestgen.errors import InputError
+from forestgen.reference import (
     read_provenance,
     read_reference,
     read_views,
     write_provenance,
     write_reference,
 )
-from forestgen.errors import InputError
 from forestgen.tree.mattes import Mattes
 from tests.check.trees import tree_model
 
