@@ -1,16 +1,18 @@
 """One tree as a USD component: a root layer, and behind its payload geometry, materials, textures.
 
-    <name>.usda       /<name> Xform, kind component, extents hint, payload, class to inherit from
-    payload.usdc      sublayers the two below
+    <name>.usda       /<name> Xform, kind component, extents hint, payload, variant sets, class to inherit from
+    payload.usdc      sublayers those below
     geometry.usdc     /<name>/geo/LOD0/branches Mesh, /<name>/geo/LOD0/leaves PointInstancer
-    materials.usdc    /<name>/mtl/bark, /<name>/mtl/leaf
-    textures/         leaf.png (colour and cut-out), bark.png
+    lods.usdc         /<name>/geo/LOD1 ...: coarser levels of detail, the last one of cards; sizes to switch at
+    materials.usdc    /<name>/mtl/bark, leaf, leaf_cards
+    textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png
 
 The structure is the one of the usd-wg asset guidelines.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -18,16 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
+from forestgen.tree.extras import Extras
+from forestgen.tree.level import Level, full_level
 from forestgen.tree.model import TreeModel
 from forestgen.usd.geometry import Box, define_leaves, define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, require_prim_name, save
 from forestgen.usd.materials import define_leaf_material, define_plain_material, define_textured_material
+from forestgen.usd.variants import define_lod_sizes, define_lod_variants, level_name
+
+CARDS = "leaf_cards"  # prim, material and texture
 
 
-def write_tree_asset(model: TreeModel, folder: Path) -> Path:
+def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = None) -> Path:
     """Write a tree under `folder`, whose name becomes the prim's; give the path of its root layer.
 
-    A bare tree has no instancer and no leaf material. The bytes depend on the model alone.
+    A bare tree has no instancer and no leaf material. The bytes depend on the model and extras alone.
 
     Raises:
         ValueError: the folder's name is no prim name, or the model cannot be drawn; no layer is written.
@@ -35,19 +42,21 @@ def write_tree_asset(model: TreeModel, folder: Path) -> Path:
     """
     name = folder.name
     require_prim_name(name)
-    geometry, box = _geometry(model, name)
-    materials = _materials(model, name)
-    payload = _payload(name)
-    root = _root(model, name, box)
+    extras = Extras() if extras is None else extras
+    geometry, box = _levels(name, [full_level(model)])
+    layers = {"geometry": geometry, "materials": _materials(model, extras, name)}
+    if extras.levels:
+        layers["lods"], _ = _levels(name, extras.levels, first=1)
+        sizes = [level.switch_px for level in extras.levels]
+        define_lod_sizes(Usd.Stage.Open(layers["lods"]), Sdf.Path(f"/{name}"), sizes, box)
+    layers["payload"] = _payload(name, [f"./{layer}.usdc" for layer in sorted(layers, reverse=True)])
+    root = _root(model, name, box, 1 + len(extras.levels))
 
     (folder / "textures").mkdir(parents=True, exist_ok=True)
-    if len(model.leaves):
-        write_png(model.atlas.rgba, folder / "textures" / "leaf.png")
-    if not _is_plain(model.bark.rgb):
-        write_png(model.bark.rgb, folder / "textures" / "bark.png")
-    save(geometry, folder / "geometry.usdc")
-    save(materials, folder / "materials.usdc")
-    save(payload, folder / "payload.usdc")
+    for texture, image in _textures(model, extras).items():
+        write_png(image, folder / "textures" / f"{texture}.png")
+    for layer, content in layers.items():
+        save(content, folder / f"{layer}.usdc")
     return save(root, folder / f"{name}.usda")
 
 
@@ -68,21 +77,38 @@ def _is_plain(rgb: NDArray[np.uint8]) -> bool:
     return rgb.shape[:2] == (1, 1)
 
 
-def _geometry(model: TreeModel, name: str) -> tuple[Sdf.Layer, Box]:
-    """The layer of meshes and leaves, and the box (2, 3) around them."""
+def _textures(model: TreeModel, extras: Extras) -> dict[str, NDArray[np.uint8]]:
+    """Pictures by name."""
+    textures = {}
+    if len(model.leaves):
+        textures["leaf"] = model.atlas.rgba
+    if not _is_plain(model.bark.rgb):
+        textures["bark"] = model.bark.rgb
+    if extras.has_cards:
+        textures[CARDS] = extras.card_atlas
+    return textures
+
+
+def _levels(name: str, levels: Sequence[Level], first: int = 0) -> tuple[Sdf.Layer, Box]:
+    """The layer of some levels of detail, numbered from `first`, and the box (2, 3) around them."""
     stage = new_stage(name)
     tree = UsdGeom.Xform.Define(stage, f"/{name}").GetPath()
     geo = UsdGeom.Scope.Define(stage, tree.AppendChild("geo")).GetPath()
-    full = UsdGeom.Xform.Define(stage, geo.AppendChild("LOD0")).GetPath()
     mtl = tree.AppendChild("mtl")
-    boxes = [define_mesh(stage, full.AppendChild("branches"), model.mesh, mtl.AppendChild("bark"))]
-    if len(model.leaves):
-        leaves = full.AppendChild("leaves")
-        boxes.append(define_leaves(stage, leaves, model.leaves, model.atlas.prototypes, mtl.AppendChild("leaf")))
+    boxes = []
+    for k, level in enumerate(levels, start=first):
+        home = UsdGeom.Xform.Define(stage, geo.AppendChild(level_name(k))).GetPath()
+        if len(level.mesh.faces) or not k:  # a full tree without wood is an error
+            boxes.append(define_mesh(stage, home.AppendChild("branches"), level.mesh, mtl.AppendChild("bark")))
+        if len(level.leaves):
+            leaves = home.AppendChild("leaves")
+            boxes.append(define_leaves(stage, leaves, level.leaves, level.prototypes, mtl.AppendChild("leaf")))
+        if len(level.cards.faces):
+            boxes.append(define_mesh(stage, home.AppendChild(CARDS), level.cards, mtl.AppendChild(CARDS)))
     return stage.GetRootLayer(), union(boxes)
 
 
-def _materials(model: TreeModel, name: str) -> Sdf.Layer:
+def _materials(model: TreeModel, extras: Extras, name: str) -> Sdf.Layer:
     stage = new_stage(name)
     tree = UsdGeom.Xform.Define(stage, f"/{name}").GetPath()
     mtl = UsdGeom.Scope.Define(stage, tree.AppendChild("mtl")).GetPath()
@@ -92,17 +118,19 @@ def _materials(model: TreeModel, name: str) -> Sdf.Layer:
         define_textured_material(stage, mtl.AppendChild("bark"), "./textures/bark.png")
     if len(model.leaves):
         define_leaf_material(stage, mtl.AppendChild("leaf"), "./textures/leaf.png")
+    if extras.has_cards:
+        define_leaf_material(stage, mtl.AppendChild(CARDS), f"./textures/{CARDS}.png")
     return stage.GetRootLayer()
 
 
-def _payload(name: str) -> Sdf.Layer:
+def _payload(name: str, layers: Sequence[str]) -> Sdf.Layer:
     layer = new_stage(name).GetRootLayer()
     Sdf.CreatePrimInLayer(layer, f"/{name}").specifier = Sdf.SpecifierOver
-    layer.subLayerPaths = ["./materials.usdc", "./geometry.usdc"]
+    layer.subLayerPaths = list(layers)
     return layer
 
 
-def _root(model: TreeModel, name: str, box: Box) -> Sdf.Layer:
+def _root(model: TreeModel, name: str, box: Box, n_levels: int) -> Sdf.Layer:
     stage = new_stage(name)
     shared = stage.CreateClassPrim("/__class__").GetPath().AppendChild(name)
     stage.CreateClassPrim(shared)
@@ -119,4 +147,6 @@ def _root(model: TreeModel, name: str, box: Box) -> Sdf.Layer:
     if model.name and model.name != name:
         prim.SetDisplayName(model.name)
     prim.SetCustomData({"forestgen": {"method": model.method, "seed": model.seed, "height": float(model.height)}})
+    if n_levels > 1:
+        define_lod_variants(prim, n_levels)
     return stage.GetRootLayer()

@@ -26,32 +26,37 @@ def level_name(k: int) -> str:
 
 
 def define_lod_sizes(stage: Usd.Stage, root: Sdf.Path, switch_px: Sequence[float], box: Box) -> None:
-    """Author the UsdLod root on geo and its heuristic: `switch_px` (K - 1) of the levels after the full one.
+    """Author the heuristic that chooses a level: `switch_px` (K - 1) of the levels after the full one.
 
-    The screen size is that of the box's bounding sphere, as a share of the screen's rows.
+    The size on the screen is that of the tree's box (2, 3), as a share of the screen.
     """
-    geo = UsdLod.RootAPI.Apply(stage.GetPrimAtPath(root.AppendChild("geo")))
     sizes = UsdLod.ScreenSizeHeuristic.Define(stage, root.AppendChild(SIZES))
     sizes.CreateLodDomainAttr(UsdLod.Tokens.imaging)
     sizes.CreateThresholdsAttr(Vt.FloatArray([float(px) / SCREEN_PX for px in switch_px]))
     sizes.CreateProjectionMethodAttr(UsdLod.Tokens.projectedExtent)
     sizes.CreateExtentAttr(vec3f(box))
-    geo.CreateLodDefaultIndexAttr(0)
-    geo.CreateLodHeuristicsRel().SetTargets([sizes.GetPath()])
 
 
 def define_lod_variants(root: Usd.Prim, n_levels: int) -> None:
-    """Author the variant set on a tree's root prim; the full level is selected."""
+    """Author the variant set on a tree's root prim; the full level is selected.
+
+    geo is a UsdLod root in `all` only: where other levels are inactive, its children are not the levels.
+    """
+    stage, geo = root.GetStage(), root.GetPath().AppendChild("geo")
+    levels = [geo.AppendChild(level_name(k)) for k in range(n_levels)]
     choice = root.GetVariantSets().AddVariantSet(LOD_SET)
-    levels = [root.GetPath().AppendPath(f"geo/{level_name(k)}") for k in range(n_levels)]
-    for chosen in (*map(level_name, range(n_levels)), ALL):
-        choice.AddVariant(chosen)
-        choice.SetVariantSelection(chosen)
+    for k in range(n_levels):
+        choice.AddVariant(level_name(k))
+        choice.SetVariantSelection(level_name(k))
         with choice.GetVariantEditContext():
-            for k, path in enumerate(levels):
-                level = root.GetStage().OverridePrim(path)
-                if chosen == ALL and k:
-                    UsdGeom.Imageable(level).CreateVisibilityAttr(UsdGeom.Tokens.invisible)
-                elif chosen not in (ALL, level_name(k)):
-                    level.SetActive(False)
+            for path in (*levels[:k], *levels[k + 1 :]):
+                stage.OverridePrim(path).SetActive(False)
+    choice.AddVariant(ALL)
+    choice.SetVariantSelection(ALL)
+    with choice.GetVariantEditContext():
+        for path in levels[1:]:
+            UsdGeom.Imageable(stage.OverridePrim(path)).CreateVisibilityAttr(UsdGeom.Tokens.invisible)
+        lod = UsdLod.RootAPI.Apply(stage.OverridePrim(geo))
+        lod.CreateLodDefaultIndexAttr(0)
+        lod.CreateLodHeuristicsRel().SetTargets([root.GetPath().AppendChild(SIZES)])
     choice.SetVariantSelection(level_name(0))

@@ -1,0 +1,29 @@
+"""Extras: what a tree's asset holds beside the tree itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.arrays import freeze
+from forestgen.tree.level import Level
+
+
+@dataclass(frozen=True, eq=False)
+class Extras:
+    """Coarser levels of detail, each for smaller sizes on the screen than the one before, and their pictures."""
+
+    levels: tuple[Level, ...] = ()  # those after the full one
+    card_atlas: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1, 4), np.uint8))  # (H, W, 4) sRGB
+
+    def __post_init__(self) -> None:
+        freeze(self, card_atlas=(np.uint8, "H", "W", 4))
+        sizes = [level.switch_px for level in self.levels]
+        if sizes != sorted(sizes, reverse=True) or len(set(sizes)) < len(sizes):
+            raise ValueError(f"Extras.levels must serve smaller and smaller sizes, came {sizes}")
+
+    @property
+    def has_cards(self) -> bool:
+        return any(len(level.cards.faces) for level in self.levels)
