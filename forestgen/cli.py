@@ -71,6 +71,7 @@ def tree(
     height: Annotated[float, typer.Option(help="Metres from the root to the crown's top.")] = 10.0,
     method: Annotated[str, typer.Option(help="tan2008, neubert2007 or kim2014, each also as NAME_paper.")] = "tan2008",
     seed: Annotated[int, typer.Option(min=0, help="Another seed grows another tree.")] = 0,
+    evergreen: Annotated[bool, typer.Option("--evergreen", help="It keeps its leaves green all year.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -80,7 +81,7 @@ def tree(
     from forestgen.pipeline import build_scene
     from forestgen.scene.manifest import single_tree_scene
 
-    spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed)
+    spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed, evergreen=evergreen)
     with _progress([one.name for one in spec.trees], quiet or as_json or verbose) as on_progress:
         build_scene(spec, out, jobs=1, on_progress=on_progress)
     _finish([out], quiet, as_json)

@@ -60,7 +60,7 @@ def build_model(tree: TreeSpec, on_stage: OnStage | None = None) -> TreeModel:
         InputError: a photo or stroke set cannot be used.
         StageError: a photo defeats a stage.
     """
-    return build_tree(
+    model = build_tree(
         [load_source(view) for view in tree.views],
         tree.method,
         name=tree.name,
@@ -69,6 +69,7 @@ def build_model(tree: TreeSpec, on_stage: OnStage | None = None) -> TreeModel:
         seed=tree.seed,
         on_stage=on_stage,
     )
+    return replace(model, evergreen=tree.evergreen)
 
 
 def write_tree(model: TreeModel, prim_name: str, trees: Path) -> Path:

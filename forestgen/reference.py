@@ -42,6 +42,7 @@ class Provenance:
     seed: int
     height: float  # m
     skeleton: Skeleton
+    evergreen: bool
     bark_size: tuple[float, float]  # m, width and height of one repeat of the bark
     costs: Mapping[str, NDArray[np.float64]]  # per growth iteration, by name
     notes: tuple[str, ...]
@@ -152,6 +153,7 @@ def write_provenance(model: TreeModel, folder: Path) -> None:
             "seed": model.seed,
             "height": model.height,
             "views": len(model.views),
+            "evergreen": model.evergreen,
             "bark_size": [model.bark.width_m, model.bark.height_m],
             "costs": {name: [_finite(c) for c in np.asarray(cost).tolist()] for name, cost in model.costs.items()},
             "notes": list(model.notes),
@@ -175,6 +177,7 @@ def read_provenance(folder: Path) -> Provenance:
             seed=kept["seed"],
             height=float(kept["height"]),
             skeleton=skeleton,
+            evergreen=bool(kept["evergreen"]),
             bark_size=(float(kept["bark_size"][0]), float(kept["bark_size"][1])),
             costs={
                 name: np.array([np.nan if c is None else c for c in cost], float)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +141,7 @@ def regrown(
     Raises:
         StageError: the seed leads to nothing.
     """
-    return grow_views(
+    model = grow_views(
         views,
         method,
         name=provenance.name,
@@ -150,6 +150,7 @@ def regrown(
         seed=seed,
         on_stage=on_stage,
     )
+    return replace(model, evergreen=provenance.evergreen)
 
 
 def contact_sheet(portraits: Sequence[Picture], captions: Sequence[str]) -> Picture:

@@ -45,6 +45,7 @@ class TreeSpec:
     heading: float = 0.0  # radians about +Y
     stages: Mapping[str, str] = field(default_factory=dict)  # strategies chosen by name
     gates: Mapping[str, float] = field(default_factory=dict)  # those that the scene or the tree sets
+    evergreen: bool = False  # green all year
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ def single_tree_scene(
     name: str | None = None,
     method: str = DEFAULT_METHOD,
     seed: int = 0,
+    evergreen: bool = False,
 ) -> Scene:
     """A scene of one tree, at the origin, named after its photo.
 
@@ -143,6 +145,7 @@ def single_tree_scene(
         method_name=method,
         seed=seed,
         views=(ViewSpec(photo, strokes),),
+        evergreen=evergreen,
     )
     return Scene(name=tree.name, seed=seed, path=photo, root=photo.resolve().parent, trees=(spec,))
 
@@ -184,6 +187,7 @@ def _tree_spec(
         heading=math.radians(tree.heading),
         stages=tree.stages,
         gates=manifest.scene.gates.named() | tree.gates.named(),
+        evergreen=tree.evergreen,
     )
 
 
@@ -255,6 +259,7 @@ def _tree_entry(tree: TreeSpec, location: Location) -> dict[str, Any]:
     return {
         "name": tree.name,
         "height": tree.height,
+        "evergreen": tree.evergreen,
         "position": list(tree.position),
         "heading": _degrees(tree.heading),
         "method": tree.method_name,

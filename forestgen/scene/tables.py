@@ -86,6 +86,7 @@ class TreeTable(Table):
     )
     stages: dict[str, str] = Field(default={}, description="a strategy's name in quotes for a stage's")
     gates: GateTable = Field(default=GateTable(), description="a table of thresholds")
+    evergreen: bool = Field(default=False, description="true for a tree that keeps its leaves green all year, or false")
 
 
 class CopyTable(Table):

@@ -131,6 +131,7 @@ class TreeModel:
     bark: Bark
     atlas: Atlas  # no prototypes where the tree is bare
     leaves: Leaves
+    evergreen: bool = False  # keeps its leaves green all year
     costs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # per growth iteration, by name
     seconds: Mapping[str, float] = field(default_factory=dict)  # per stage; measured by the pipeline
     notes: tuple[str, ...] = ()  # what a stage wants the user to know

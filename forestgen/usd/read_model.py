@@ -49,6 +49,7 @@ def read_model(folder: Path) -> TreeModel:
         bark=Bark(_bark_texels(bark), *kept.bark_size),
         atlas=Atlas(rgba, tuple(_with_colour(prototype, rgba) for prototype in level.prototypes)),
         leaves=level.leaves,
+        evergreen=kept.evergreen,
         costs=kept.costs,
         notes=kept.notes,
     )
