@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
@@ -41,6 +41,17 @@ def read_drawables(path: Path, prim_path: str | None = None) -> list[Drawable]:
     if not root:
         raise InputError(f"{path}: there is no prim {prim_path}")
     return _drawables(_Reader(stage), root)
+
+
+def stage_drawables(stage: Usd.Stage, prim_path: Sdf.Path | str) -> list[Drawable]:
+    """What `read_drawables` gives, of a stage that is open, with the variants that are selected in it.
+
+    Each is named after the prim that its material is bound to: a mesh, or a subset of its faces.
+
+    Raises:
+        InputError: as `read_drawables`.
+    """
+    return _drawables(_Reader(stage), stage.GetPrimAtPath(prim_path))
 
 
 def read_film(path: Path, times: Iterable[float]) -> Iterator[list[Drawable]]:
