@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pxr import Gf, Sdf, Usd, UsdShade
+
+from forestgen.tree.srgb import linear_from_srgb as linear_from_srgb
+from forestgen.tree.srgb import srgb_from_linear as srgb_from_linear
 
 LEAF_ROUGHNESS = 0.6  # a cuticle shines a little; the photo's own lights are in the atlas already
 BARK_ROUGHNESS = 0.95
@@ -36,18 +38,6 @@ def define_plain_material(stage: Usd.Stage, path: Sdf.Path, srgb: ArrayLike) -> 
     surface = _define_surface(stage, path, BARK_ROUGHNESS)
     colour = Gf.Vec3f(*linear_from_srgb(srgb).tolist())
     surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(colour)
-
-
-def linear_from_srgb(srgb: ArrayLike) -> NDArray[np.float64]:
-    """Linear light of sRGB-encoded values in [0, 1], any shape (IEC 61966-2-1)."""
-    value = np.asarray(srgb, float)
-    return np.asarray(np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4))
-
-
-def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
-    """sRGB-encoded values of linear light in [0, 1], any shape (IEC 61966-2-1)."""
-    value = np.clip(np.asarray(linear, float), 0.0, 1.0)
-    return np.asarray(np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055))
 
 
 def _define_surface(stage: Usd.Stage, path: Sdf.Path, roughness: float) -> UsdShade.Shader:
