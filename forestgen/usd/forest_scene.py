@@ -1,7 +1,7 @@
 """The scene: an assembly of trees that reference their components, a ground, lights, the photos' cameras.
 
 /<scene>                 kind assembly
-    trees                kind group; every tree and copy an instanceable Xform that references its component
+    trees                kind group; the trees and copies, which reference their components (usd/standing_trees.py)
     ground               kind component; a plane wide enough for the trees
     cameras/<tree>       references the tree's camera layer, standing where the tree stands
     lights               a sun and a sky
@@ -11,16 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
 from forestgen.scene.forest import Forest
 from forestgen.tree.model import Mesh
-from forestgen.usd.geometry import define_mesh
+from forestgen.usd.geometry import Box, define_mesh, vec3f
 from forestgen.usd.layers import new_stage, relative, require_prim_name, save
 from forestgen.usd.materials import define_plain_material
+from forestgen.usd.standing_trees import forest_box, instancer_layer, stand, stand_as_prims
 
 GROUND_SRGB = (0.62, 0.61, 0.56)  # dry earth, light and nearly grey: it leaves the trees the colour
 GROUND_MARGIN = 0.5  # share of the tallest tree's height that the ground reaches beyond the outermost crowns
@@ -28,16 +30,26 @@ SUN_DIRECTION_DEG = (-50.0, 35.0)  # pitch about X, then heading about Y: from a
 SUN_IRRADIANCE = 1.2  # with the sky a white sheet stays below white; Blender 4.5 shows suns four times as bright
 SUN_ANGLE_DEG = 2.0  # wider than the real sun's 0.53: softer edges of shadows
 SKY_RADIANCE = 0.6
-ORDER = Vt.TokenArray(["xformOp:translate", "xformOp:rotateY", "xformOp:scale"])
+MANY = 1_000  # standing trees above which `auto` makes an instancer of them: prims cost every reader 0.1 ms and more
+
+Instancing = Literal["auto", "native", "points"]
 
 
 def write_forest(
-    forest: Forest, assets: Mapping[str, Path], cameras: Mapping[str, Path], path: Path, name: str
+    forest: Forest,
+    assets: Mapping[str, Path],
+    cameras: Mapping[str, Path],
+    path: Path,
+    name: str,
+    *,
+    instancing: Instancing = "auto",
 ) -> Path:
     """Write the scene `name` to `path`; give `path`.
 
     `assets` and `cameras` lead from a prototype's name to its written layers, which the scene
     references relative to its own folder; a prototype without cameras has none in the scene.
+    `instancing` says what the trees become: `native` prims, an instancer over `points` in a layer of
+    its own beside `path`, or (`auto`) prims up to 1,000 trees and an instancer above.
 
     Raises:
         ValueError: a name is no prim name, comes twice, or has no asset; nothing is written.
@@ -51,30 +63,37 @@ def write_forest(
     if missing:
         raise ValueError(f"no asset was written for {', '.join(missing)}")
 
+    if instancing not in get_args(Instancing):
+        raise ValueError(f"instancing {instancing!r}: expected one of {', '.join(get_args(Instancing))}")
+
+    is_native = instancing == "native" or (instancing == "auto" and len(forest) <= MANY)
+    boxes = np.array([_extents_hint(assets[prototype]) for prototype in forest.prototypes]).reshape(-1, 2, 3)
     stage = new_stage(name)
     scene = UsdGeom.Xform.Define(stage, f"/{name}").GetPrim()
     Usd.ModelAPI(scene).SetKind("assembly")
-    trees = UsdGeom.Xform.Define(stage, scene.GetPath().AppendChild("trees")).GetPrim()
+    kind = UsdGeom.Xform if is_native or not len(forest) else UsdGeom.PointInstancer
+    trees = kind.Define(stage, scene.GetPath().AppendChild("trees")).GetPrim()
     Usd.ModelAPI(trees).SetKind("group")
-    _define_ground(stage, scene.GetPath().AppendChild("ground"), _footprint(forest, assets))
+    _define_ground(stage, scene.GetPath().AppendChild("ground"), _footprint(forest, boxes))
     _define_lights(stage, scene.GetPath().AppendChild("lights"))
     layer = stage.GetRootLayer()
     del stage, scene, trees  # nothing is to be composed while ten thousand trees are added
-    _add_trees(layer, Sdf.Path(f"/{name}/trees"), forest, assets, path.parent)
+    home = Sdf.Path(f"/{name}/trees")
+    if is_native:
+        stand_as_prims(layer, home, forest, assets, path.parent)
+    elif len(forest):
+        arrays = path.with_name(f"{name}_trees.usdc")
+        save(instancer_layer(forest, assets, boxes, path.parent), arrays)
+        _add_payload(layer.GetPrimAtPath(home), arrays.name, forest_box(forest, boxes))
     _add_cameras(layer, Sdf.Path(f"/{name}/cameras"), forest, cameras, path.parent)
     return save(layer, path)
 
 
-def _add_trees(layer: Sdf.Layer, home: Sdf.Path, forest: Forest, assets: Mapping[str, Path], folder: Path) -> None:
-    """Add every tree below `home`, by Sdf in one change block: a hundredth of the time of the schema classes."""
-    references = [Sdf.Reference(relative(assets[prototype], folder)) for prototype in forest.prototypes]
-    parent = layer.GetPrimAtPath(home)
-    with Sdf.ChangeBlock():
-        for k, (name, prototype) in enumerate(zip(forest.names, forest.prototype.tolist(), strict=True)):
-            tree = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
-            tree.instanceable = True
-            tree.referenceList.prependedItems = [references[prototype]]
-            _stand(tree, forest, k)
+def _add_payload(trees: Sdf.PrimSpec, layer: str, box: Box) -> None:
+    """Let the instancer come from a layer beside the scene's, with a box for those who do not load it."""
+    trees.payloadList.prependedItems = [Sdf.Payload(f"./{layer}")]
+    trees.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["GeomModelAPI"]))
+    Sdf.AttributeSpec(trees, "extentsHint", Sdf.ValueTypeNames.Float3Array).default = vec3f(box)
 
 
 def _add_cameras(layer: Sdf.Layer, home: Sdf.Path, forest: Forest, cameras: Mapping[str, Path], folder: Path) -> None:
@@ -89,28 +108,13 @@ def _add_cameras(layer: Sdf.Layer, home: Sdf.Path, forest: Forest, cameras: Mapp
             tree = Sdf.PrimSpec(parent, forest.prototypes[k], Sdf.SpecifierDef, "Xform")
             reference = Sdf.Reference(relative(cameras[forest.prototypes[k]], folder))
             tree.referenceList.prependedItems = [reference]
-            _stand(tree, forest, first[k])
+            stand(tree, forest, first[k])
 
 
-def _stand(prim: Sdf.PrimSpec, forest: Forest, k: int) -> None:
-    """Author where tree k of the forest stands."""
-    types = Sdf.ValueTypeNames
-    scale = float(forest.scale[k])
-    values = (
-        ("xformOp:translate", types.Double3, Gf.Vec3d(*forest.position[k].tolist())),
-        ("xformOp:rotateY", types.Float, float(np.degrees(forest.yaw[k]))),
-        ("xformOp:scale", types.Float3, Gf.Vec3f(scale, scale, scale)),
-    )
-    for name, kind, value in values:
-        Sdf.AttributeSpec(prim, name, kind).default = value
-    Sdf.AttributeSpec(prim, "xformOpOrder", types.TokenArray, Sdf.VariabilityUniform).default = ORDER
-
-
-def _footprint(forest: Forest, assets: Mapping[str, Path]) -> NDArray[np.float64]:
-    """Low and high corner (2, 3) in metres of the ground under the trees; flat, at the lowest root."""
+def _footprint(forest: Forest, hints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Low and high corner (2, 3) in metres of the ground under trees of boxes (prototype, 2, 3); at the lowest root."""
     if not len(forest.names):
         return np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]])
-    hints = np.stack([_extents_hint(assets[prototype]) for prototype in forest.prototypes])  # (prototype, 2, 3)
     box = hints[forest.prototype] * forest.scale[:, None, None]
     reach = np.abs(box[:, :, [0, 2]]).max(axis=(1, 2))  # whichever way the tree is turned
     reach = (reach + GROUND_MARGIN * box[:, 1, 1].max())[:, None] * [1.0, 0.0, 1.0]

@@ -10,7 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
-from forestgen.usd.forest_scene import write_forest
+from forestgen.scene.forest import Forest
+from forestgen.usd.forest_scene import MANY, write_forest
+from forestgen.usd.read import read_drawables
+from forestgen.usd.standing_trees import NAMES, forest_box
+from forestgen.usd.validate import validate_file
 from tests.usd.conftest import FOREST
 
 
@@ -114,3 +118,117 @@ def test_an_empty_forest_is_a_scene_with_ground(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(write_forest(empty, {}, {}, tmp_path / "wood.usda", "wood")))
     assert stage.GetPrimAtPath("/wood/ground/geo/plane")
     assert not stage.GetPrimAtPath("/wood/trees").GetChildren()
+
+
+@pytest.fixture(scope="module")
+def assets(scene: Path) -> dict[str, Path]:
+    """The written components of the scene."""
+    return {name: scene.parent / "trees" / name / f"{name}.usda" for name in FOREST.prototypes}
+
+
+@pytest.fixture(scope="module")
+def points(scene: Path, assets: dict[str, Path]) -> Path:
+    """The scene again, its trees as an instancer."""
+    return write_forest(FOREST, assets, {}, scene.with_name("points.usda"), "points", instancing="points")
+
+
+def many(count: int) -> Forest:
+    """A forest of one tree, standing at `count` places."""
+    rng = np.random.default_rng(3)
+    return Forest(
+        prototypes=("oak",),
+        names=tuple(f"tree_{k}" for k in range(count)),
+        prototype=np.zeros(count, int),
+        position=rng.uniform(-99, 99, (count, 3)),
+        yaw=rng.uniform(-9, 9, count),
+        scale=rng.uniform(0.5, 2, count),
+    )
+
+
+def test_an_instancer_shows_the_same_trees(scene: Path, points: Path) -> None:
+    native, instanced = read_drawables(scene, "/wood/trees"), read_drawables(points, "/points/trees")
+    assert len(native) == len(instanced) == 5  # wood of both trees, three leaf prototypes of one
+    for one, other in zip(native, instanced, strict=True):
+        assert one.name.removeprefix("/wood/trees") == other.name.removeprefix("/points/trees/Prototypes")
+        assert one.points.tobytes() == other.points.tobytes()
+        places = [np.asarray(each.transforms).reshape(-1, 16) for each in (one, other)]
+        a, b = (rows[np.lexsort(rows.round(3).T)] for rows in places)
+        assert_allclose(a, b, atol=2e-6)
+
+
+def test_an_instancer_is_a_group_of_plain_references(points: Path) -> None:
+    stage = Usd.Stage.Open(str(points))
+    kinds = {str(prim.GetPath()): Usd.ModelAPI(prim).GetKind() for prim in stage.Traverse()}
+    assert {path: kind for path, kind in kinds.items() if kind} == {
+        "/points": "assembly",
+        "/points/trees": "group",
+        "/points/trees/Prototypes": "group",
+        "/points/trees/Prototypes/oak": "component",
+        "/points/trees/Prototypes/bare": "component",
+        "/points/ground": "component",
+    }
+    trees = UsdGeom.PointInstancer(stage.GetPrimAtPath("/points/trees"))
+    assert not any(prim.IsInstance() for prim in stage.Traverse())
+    assert trees.GetPrim().HasPayload()
+    assert tuple(trees.GetPrim().GetAttribute(NAMES).Get()) == FOREST.names
+    assert [target.name for target in trees.GetPrototypesRel().GetTargets()] == list(FOREST.prototypes)
+    assert_allclose(trees.GetPositionsAttr().Get(), FOREST.position, atol=1e-6)
+
+
+def test_turns_are_there_for_readers_of_halfs_too(points: Path) -> None:
+    stage = Usd.Stage.Open(str(points))
+    trees = UsdGeom.PointInstancer(stage.GetPrimAtPath("/points/trees"))
+    for turns in (trees.GetOrientationsAttr().Get(), trees.GetOrientationsfAttr().Get()):
+        yaw = [2 * np.arctan2(turn.GetImaginary()[1], turn.GetReal()) for turn in turns]
+        assert_allclose(yaw, FOREST.yaw, atol=2e-3)
+
+
+def test_an_unloaded_instancer_still_has_its_box(points: Path) -> None:
+    loaded, unloaded = Usd.Stage.Open(str(points)), Usd.Stage.Open(str(points), Usd.Stage.LoadNone)
+    hint = UsdGeom.ModelAPI(unloaded.GetPrimAtPath("/points/trees")).GetExtentsHint()
+    extent = UsdGeom.PointInstancer(loaded.GetPrimAtPath("/points/trees")).GetExtentAttr().Get()
+    assert_allclose(hint, extent)
+    assert not unloaded.GetPrimAtPath("/points/trees").GetAttribute("positions").HasAuthoredValue()
+
+
+def test_the_forests_box_holds_every_corner_and_no_more() -> None:
+    forest = replace(many(1), yaw=np.array([np.pi / 2]), scale=np.array([2.0]), position=np.array([[10.0, 1.0, 0.0]]))
+    box = np.array([[[-1.0, 0.0, -2.0], [3.0, 5.0, 4.0]]])
+    #  a quarter turn takes +X to -Z and +Z to +X: x in -2..4, z in -3..1, then twice as large
+    assert_allclose(forest_box(forest, box), [[10 - 4, 1, -6], [10 + 8, 11, 2]], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["native", "points"])
+def test_no_validator_finds_anything_in_either_kind(kind: str, scene: Path, points: Path) -> None:
+    path = {"native": scene, "points": points}[kind]
+    assert [finding.line() for finding in validate_file(path)] == []
+    nvidia = pytest.importorskip("usd_validation_nvidia")
+    assert list(nvidia.ValidationEngine().validate(str(path)).issues()) == []
+
+
+@pytest.mark.parametrize(("count", "kind"), [(MANY, "Xform"), (MANY + 1, "PointInstancer")])
+def test_many_trees_become_an_instancer(count: int, kind: str, assets: dict[str, Path], tmp_path: Path) -> None:
+    path = write_forest(many(count), assets, {}, tmp_path / "many.usda", "many")
+    assert Sdf.Layer.FindOrOpen(str(path)).GetPrimAtPath("/many/trees").typeName == kind
+    assert path.with_name("many_trees.usdc").exists() == (kind == "PointInstancer")
+
+
+def test_an_unknown_instancing_leaves_no_file(assets: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected one of auto, native, points"):
+        write_forest(many(3), assets, {}, tmp_path / "a.usda", "a", instancing="cloud")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_both_kinds_have_the_same_bytes_each_time(assets: dict[str, Path], tmp_path: Path) -> None:
+    written = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        near = {name: folder / name / path.name for name, path in assets.items()}
+        for name, path in assets.items():
+            near[name].parent.mkdir()
+            near[name].write_bytes(path.read_bytes())
+        for kind in ("native", "points"):
+            write_forest(many(20), near, {}, folder / f"{kind}.usda", kind, instancing=kind)
+        written.append({path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()})
+    assert set(written[0]) == {"native.usda", "points.usda", "points_trees.usdc"}
+    assert written[0] == written[1]
