@@ -6,17 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from forestgen.reference import write_provenance
-from forestgen.tree.extras import Extras
-from forestgen.usd.tree_asset import write_tree_asset
-from tests.export.subjects import CARD_RGBA, levels_of, oak
+from tests.export.subjects import oak, write_tree
 
 
 @pytest.fixture(scope="session")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a tree; not to be changed."""
-    folder = tmp_path_factory.mktemp("trees") / "oak"
-    model = oak()
-    write_tree_asset(model, folder, Extras(levels_of(model)[1:], CARD_RGBA))
-    write_provenance(model, folder / "reference")
-    return folder
+    return write_tree(oak(), tmp_path_factory.mktemp("trees") / "oak")

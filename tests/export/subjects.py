@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.reference import write_provenance
+from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level, full_level
 from forestgen.tree.model import Leaves, Mesh, TreeModel
-from tests.usd.models import box_mesh, tree_model
+from forestgen.usd.tree_asset import write_tree_asset
+from tests.usd.models import box_mesh, random_leaves, tree_model
 
-CARD_RGBA: NDArray[np.uint8] = np.full((8, 8, 4), 200, np.uint8)
+CARD_RGBA: NDArray[np.uint8] = np.array([[[90, 120, 60, 255], [70, 90, 40, 0]]], np.uint8).repeat(8, 0).repeat(4, 1)
 
 
 def levels_of(model: TreeModel) -> tuple[Level, ...]:
@@ -42,6 +46,37 @@ def broken(model: TreeModel) -> TreeModel:
     return replace(model, mesh=replace(model.mesh, points=points))
 
 
+def leafy_oak() -> TreeModel:
+    """A box for a trunk under 60 large leaves, whose pictures are cut out in the middle of each column."""
+    rng = np.random.default_rng(11)
+    leaves = replace(random_leaves(60, 3, rng), size=rng.uniform(0.4, 0.7, 60))
+    return replace(tree_model(leaves=leaves), atlas=replace(oak().atlas, rgba=leaf_rgba()))
+
+
+def leaf_rgba() -> NDArray[np.uint8]:
+    """Three columns of a colour each, cut out by a disc with a hole, on a width that is a power of two."""
+    y, x = np.mgrid[:128, :256]
+    column = 256 / 3
+    from_middle = np.hypot((x % column - 42) / 40, (y - 60) / 60)
+    rgba = np.zeros((128, 256, 4), np.uint8)
+    rgba[..., :3] = np.array([[60, 140, 40], [150, 170, 50], [200, 90, 30]], np.uint8)[
+        np.minimum(x // column, 2).astype(int)
+    ]
+    rgba[..., 3] = np.where((from_middle < 1) & (from_middle > 0.25), 255, 0)
+    return rgba
+
+
+def leafy_levels() -> tuple[Level, ...]:
+    return levels_of(leafy_oak())
+
+
 def oak() -> TreeModel:
     """A box for a trunk and 50 leaves of three kinds."""
     return tree_model()
+
+
+def write_tree(model: TreeModel, folder: Path) -> Path:
+    """Write a tree with its three levels as a build does; give its folder."""
+    write_tree_asset(model, folder, Extras(levels_of(model)[1:], CARD_RGBA))
+    write_provenance(model, folder / "reference")
+    return folder

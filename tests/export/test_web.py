@@ -1,0 +1,209 @@
+"""Strangers read what we export: the Khronos validator finds nothing, three.js draws what our own renderer draws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from forestgen.camera import Camera
+from forestgen.export.gltf import INSTANCING, LOD, write_glb, write_scene_glb
+from forestgen.export.subject import Subject
+from forestgen.export.written import export_tree
+from forestgen.render import Drawable, Studio, frame_camera
+from forestgen.scene.forest import Forest
+from forestgen.tree.level import full_level
+from forestgen.usd.composed import Composed
+from forestgen.usd.profiles import write_profile
+from tests.export.glb_reader import Glb
+from tests.export.subjects import CARD_RGBA, leafy_levels, leafy_oak, write_tree
+from tests.export.web import job, show, validate
+from tests.usd.models import tree_model
+
+pytestmark = pytest.mark.gl
+
+SIZE = (360, 400)
+LEAST_IOU = 0.95
+
+
+def forest() -> Forest:
+    """Three standings of two trees, so turned and scaled that a slip shows."""
+    return Forest(
+        prototypes=("oak", "bare"),
+        names=("oak", "bare", "oak_copy"),
+        prototype=np.array([0, 1, 0]),
+        position=np.array([[0.0, 0.0, 0.0], [2.5, 0.5, 1.0], [-3.0, 0.0, -1.0]]),
+        yaw=np.radians([0.0, 40.0, 120.0]),
+        scale=np.array([1.0, 1.2, 0.7]),
+    )
+
+
+@pytest.fixture(scope="module")
+def leafy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a tree as a build writes it, with three levels of detail."""
+    return write_tree(leafy_oak(), tmp_path_factory.mktemp("trees") / "oak")
+
+
+@pytest.fixture(scope="module")
+def exports(leafy: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One tree in every kind of file, and a scene."""
+    folder = tmp_path_factory.mktemp("exports ü")
+    bare = tree_model(n_leaves=0, name="bare")
+    trees = {
+        "oak": Subject(leafy_oak(), leafy_levels(), CARD_RGBA),
+        "bare": Subject(bare, (full_level(bare),)),
+    }
+    return {
+        "glb": export_tree(leafy, folder / "oak 1.glb"),
+        "flat": export_tree(leafy, folder / "flat.glb", instancing=False),
+        "bare": write_glb(bare, [full_level(bare)], folder / "bare.glb"),
+        "scene": write_scene_glb(trees, forest(), folder / "scene.glb"),
+        "obj": export_tree(leafy, folder / "oak.obj"),
+        "usdz": write_profile(leafy, folder / "web", "web"),
+    }
+
+
+def test_the_gltf_validator_finds_no_error_and_no_warning(exports: dict[str, Path]) -> None:
+    """It does not know the two extensions, and says so: what only they use, it thinks unused."""
+    names = ["glb", "flat", "bare", "scene"]
+    for name, report in zip(names, validate([exports[name] for name in names]), strict=True):
+        issues = report["issues"]
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+        glb = Glb(exports[name])
+        extended = [node.get("extensions", {}) for node in glb.json["nodes"]]
+        places = {accessor for one in extended for accessor in one.get(INSTANCING, {}).get("attributes", {}).values()}
+        known_to_them = {
+            *(f"/extensionsUsed/{k}" for k in range(len(glb.json.get("extensionsUsed", [])))),
+            *(f"/accessors/{accessor}" for accessor in places),
+            *(f"/nodes/{node}" for one in extended for node in one.get(LOD, {}).get("ids", [])),
+        }
+        assert {message["pointer"] for message in issues["messages"]} == known_to_them
+
+
+@pytest.fixture(scope="module")
+def cameras(leafy: Path) -> tuple[Camera, Camera]:
+    """From the front, and from a corner and above."""
+    drawables = Composed(leafy / "oak.usda").drawables()
+    front = frame_camera(drawables, azimuth=0.0, size=SIZE)
+    return front, frame_camera(drawables, azimuth=np.radians(50), elevation=np.radians(20), size=SIZE)
+
+
+Shown = dict[str, tuple[dict[str, Any], NDArray[np.float64]]]
+
+
+@pytest.fixture(scope="module")
+def shown(exports: dict[str, Path], cameras: tuple[Camera, Camera], tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    """All of them in three.js, in one browser."""
+    front, corner = cameras
+    jobs = {
+        "glb": job(exports["glb"], front),
+        "glb from a corner": job(exports["glb"], corner),
+        "glb lit": job(exports["glb"], corner, look="lit"),
+        "LOD1": job(exports["glb"], corner, level=1),
+        "LOD2": job(exports["glb"], front, level=2),
+        "flat": job(exports["flat"], corner),
+        "obj": job(exports["obj"], corner),
+        "usdz": job(exports["usdz"], corner),
+        "scene": job(exports["scene"], scene_camera()),
+    }
+    found = show(list(jobs.values()), tmp_path_factory.mktemp("pictures"))
+    return dict(zip(jobs, found, strict=True))
+
+
+def scene_camera() -> Camera:
+    return Camera((480, 360), (260.0, 330.0), 55.0, np.radians(20), np.radians(15))
+
+
+def iou(picture: NDArray[np.floating[Any]], other: NDArray[np.floating[Any]]) -> float:
+    """Overlap over union of what is covered from one half on."""
+    a, b = picture[..., 3] >= 0.5, other[..., 3] >= 0.5
+    return float((a & b).sum() / (a | b).sum())
+
+
+def drawn(drawables: list[Drawable], camera: Camera) -> NDArray[np.float32]:
+    """Our own picture: premultiplied RGBA (H, W, 4)."""
+    with Studio(drawables) as studio:
+        return studio.colour(camera)
+
+
+def test_three_complains_of_nothing(shown: Shown) -> None:
+    assert {name: counts["complaints"] for name, (counts, _) in shown.items()} == {name: [] for name in shown}
+
+
+def test_three_counts_every_leaf(shown: Shown) -> None:
+    full, coarse, _ = leafy_levels()
+    for name, level in (("glb", full), ("LOD1", coarse)):
+        counts, _ = shown[name]
+        assert counts["instances"] == len(level.leaves)
+        assert counts["triangles"] == level.n_triangles
+    for name in ("flat", "obj", "usdz"):
+        counts, _ = shown[name]
+        assert (counts["meshes"], counts["triangles"]) == (2, full.n_triangles)
+    scene, _ = shown["scene"]
+    assert scene["instances"] == 2 * len(full.leaves)
+    assert scene["triangles"] == 2 * full.n_triangles + 12
+
+
+def test_three_cuts_leaves_out_and_not_wood(shown: Shown) -> None:
+    for name, wood, foliage in (("glb", "bark", "leaf"), ("flat", "bark", "leaf"), ("usdz", "branches", "leaves")):
+        materials = shown[name][0]["materials"]
+        leaf, bark = materials[foliage], materials[wood]
+        assert (leaf["alphaTest"], leaf["transparent"], leaf["map"]) == (0.5, False, True), name
+        assert (bark["alphaTest"], bark["map"]) == (0, True), name
+    assert shown["glb"][0]["materials"]["leaf"]["doubleSided"]
+    assert shown["LOD2"][0]["materials"]["leaf_cards"]["alphaTest"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "view", "level"),
+    [
+        ("glb", 0, 0),
+        ("glb from a corner", 1, 0),
+        ("LOD1", 1, 1),
+        ("LOD2", 0, 2),
+        ("flat", 1, 0),
+        ("obj", 1, 0),
+        ("usdz", 1, 0),
+    ],
+)
+def test_three_draws_what_we_draw(
+    shown: Shown, cameras: tuple[Camera, Camera], leafy: Path, name: str, view: int, level: int
+) -> None:
+    """The mask, and the textures' colours where both are covered whole."""
+    composed = Composed(leafy / "oak.usda")
+    composed.select_level(level)
+    ours, (_, theirs) = drawn(composed.drawables(), cameras[view]), shown[name]
+    assert iou(ours, theirs) >= LEAST_IOU
+    whole = (ours[..., 3] == 1) & (theirs[..., 3] == 1)
+    assert np.abs(ours[whole][:, :3] - theirs[whole][:, :3]).mean() < 0.04
+
+
+def test_three_lights_it(shown: Shown) -> None:
+    """Lit, the same silhouette, but light and shade on it."""
+    (_, flat), (_, lit) = shown["glb from a corner"], shown["glb lit"]
+    assert iou(flat, lit) > 0.999
+    covered = flat[..., 3] == 1
+    assert np.abs(flat[covered] - lit[covered]).mean() > 0.03
+
+
+def test_each_tree_of_a_scene_stands_in_its_place(shown: Shown, leafy: Path) -> None:
+    """Our own placing: turned about +Y, scaled, moved."""
+    oak = Composed(leafy / "oak.usda").drawables()
+    places = []
+    trees = forest()
+    for position, yaw, scale in zip(trees.position, trees.yaw, trees.scale, strict=True):
+        place = np.eye(4)
+        c, s = np.cos(yaw), np.sin(yaw)
+        place[:3, :3] = scale * np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        place[:3, 3] = position
+        places.append(place)
+    wood, *leaves = sorted(oak, key=lambda drawable: drawable.is_leaf)
+    standing = [Drawable(**{**vars(wood), "transforms": np.stack(places)})]
+    both = np.stack(places)[[0, 2], None]
+    standing += [
+        Drawable(**{**vars(leaf), "transforms": (both @ leaf.transforms).reshape(-1, 4, 4)}) for leaf in leaves
+    ]
+    assert iou(drawn(standing, scene_camera()), shown["scene"][1]) >= LEAST_IOU
