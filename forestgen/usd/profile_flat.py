@@ -12,12 +12,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pxr import Sdf, Usd, UsdGeom
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
 from forestgen.usd.component import define_component, take_materials
 from forestgen.usd.composed import Composed, Part
+from forestgen.usd.flatten import welded
 from forestgen.usd.geometry import define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, save
 from forestgen.usd.package import write_usdz
@@ -75,8 +78,23 @@ def _define(
     mtl = path.AppendChild("mtl")
     pictures = take_materials(composed, (part.material for part in parts), stage.GetRootLayer(), mtl, folder)
     geo = UsdGeom.Scope.Define(stage, path.AppendChild("geo")).GetPath()
-    boxes = [
-        define_mesh(stage, geo.AppendChild(part.name), part.mesh, mtl.AppendChild(part.material.name)) for part in parts
-    ]
+    boxes = []
+    for part in parts:
+        mesh, uv = welded(part.mesh)
+        boxes.append(define_mesh(stage, geo.AppendChild(part.name), mesh, mtl.AppendChild(part.material.name)))
+        _author_by_corner(UsdGeom.Mesh(stage.GetPrimAtPath(geo.AppendChild(part.name))), uv)
     UsdGeom.ModelAPI.Apply(prim).SetExtentsHint(vec3f(union(boxes)))
     return pictures
+
+
+def _author_by_corner(mesh: UsdGeom.Mesh, uv: NDArray[np.float64]) -> None:
+    """Author texture coordinates (3 F, 2) of face corners, each value once and an index.
+
+    three.js 0.187 takes indices for those of corners, whatever the interpolation says.
+    """
+    value = np.ascontiguousarray(uv.astype(np.float32) + np.float32(0))
+    _, first, index = np.unique(value.view(np.uint64).ravel(), return_index=True, return_inverse=True)
+    st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
+    st.SetInterpolation(UsdGeom.Tokens.faceVarying)
+    st.Set(Vt.Vec2fArray.FromNumpy(value[first]))
+    st.SetIndices(Vt.IntArray.FromNumpy(index.astype(np.int32)))
