@@ -19,11 +19,11 @@ LOADED = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)  # cla
 Known = dict[tuple[object, ...], list[Finding]]  # what a prim's own arrays gave, by the opinions they come from
 
 
-def own_findings(stage: Usd.Stage, known: Known, *, is_chosen: bool = True) -> list[Finding]:
+def own_findings(stage: Usd.Stage, known: Known) -> list[Finding]:
     """Ask all of our own checks about a stage.
 
     `known` remembers what was found in arrays: with the same dict, a stage whose variants changed
-    is read only where it differs. `is_chosen` says that the variants are those that the file selects.
+    is read only where it differs.
     """
     found = list(layers(stage))
     for prim, is_repeated in _prims(stage):
@@ -31,8 +31,8 @@ def own_findings(stage: Usd.Stage, known: Known, *, is_chosen: bool = True) -> l
             values = Values(prim)
             found += _links(values)
             if not is_repeated and prim.HasAttribute("extentsHint"):
-                for time in values.times():
-                    found += extents_hint(values, is_chosen=is_chosen and time.IsDefault())
+                for _ in values.times():
+                    found += extents_hint(values)
             key = _key(prim)
             if key not in known:
                 known[key] = list(_arrays(values))

@@ -11,6 +11,7 @@ from forestgen.usd.finding import Finding, own_finding
 from forestgen.usd.own_checks_values import Array, Values, at
 
 NEAR = 1e-4  # share of a box's diagonal by which an authored extent may differ: float32 and another order of sums
+ROUGH = 0.02  # share of it by which a hint may be wider, and variants may reach beyond a hint that serves all
 PURPOSES = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide]
 
 
@@ -67,27 +68,28 @@ def _off(box: Array, computed: Array) -> float:
     return off if off > NEAR * diagonal + 1e-6 * np.abs(computed).max() else 0.0
 
 
-def extents_hint(values: Values, *, is_chosen: bool) -> Iterator[Finding]:
-    """The extents hint encloses what is below the prim; in the variants that a file selects it is tight, too.
+def extents_hint(values: Values) -> Iterator[Finding]:
+    """The extents hint encloses what is below the prim and is not much wider.
 
-    In another variant (`is_chosen` false) there may be less to see, so it may be wider there.
+    Where a prim has variants, one hint serves them all: a variant may reach a little beyond, as
+    coarser levels of detail do, and may show less, up to half.
     """
     hint = values.array("extentsHint", 3)
     if hint is None or not len(hint):
         return
     cache = UsdGeom.BBoxCache(values.time, PURPOSES, useExtentsHint=False)
     computed = np.array(UsdGeom.ModelAPI(values.prim).ComputeExtentsHint(cache)).reshape(-1, 2, 3)
-    for k, box in enumerate(hint[: len(hint) // 2 * 2].reshape(-1, 2, 3)[: len(computed)]):
-        truth = computed[k]
+    place, is_varied = values.path.AppendProperty("extentsHint"), values.prim.HasVariantSets()
+    for purpose, box, truth in zip(PURPOSES, hint[: len(hint) // 2 * 2].reshape(-1, 2, 3), computed, strict=False):
         if (truth[0] > truth[1]).any() or not (np.isfinite(box).all() and np.isfinite(truth).all()):
             continue
-        outside = float(max((box[0] - truth[0]).max(), (truth[1] - box[1]).max(), 0))
-        off = _off(box, truth)
-        slack = NEAR * np.linalg.norm(np.ptp(truth.astype(float), axis=0)) + 1e-6 * np.abs(truth).max()
-        place = values.path.AppendProperty("extentsHint")
-        if outside > slack:
-            message = f"what is drawn reaches {outside:.3g} units beyond the {PURPOSES[k]} box{at(values)}"
+        diagonal = np.linalg.norm(np.ptp(truth.astype(float), axis=0))
+        near = NEAR * diagonal + 1e-6 * np.abs(truth).max()
+        outside = float(max((box[0] - truth[0]).max(), (truth[1] - box[1]).max()))
+        wider = float(max((truth[0] - box[0]).max(), (box[1] - truth[1]).max()))
+        if outside > (ROUGH * diagonal if is_varied else near):
+            message = f"what is drawn reaches {outside:.3g} units beyond the {purpose} box{at(values)}"
             yield own_finding("ExtentsHint", place, message)
-        elif is_chosen and off > 0:
-            message = f"the {PURPOSES[k]} box is up to {off:.3g} units wider than what is drawn{at(values)}"
+        elif wider > (diagonal if is_varied else ROUGH * diagonal):
+            message = f"the {purpose} box is up to {wider:.3g} units wider than what is drawn{at(values)}"
             yield own_finding("ExtentsHint", place, message)

@@ -31,10 +31,10 @@ def validate_file(path: Path) -> list[Finding]:
     with _quiet():
         stage = _open(path)
         known: Known = {}
-        found = _findings(stage, known, is_chosen=True)
+        found = _findings(stage, known)
         told = {(each.validator, each.error, each.place) for each in found}
         for variant in _other_variants(stage):
-            for each in _findings(stage, known, is_chosen=False):
+            for each in _findings(stage, known):
                 if (each.validator, each.error, each.place) not in told:
                     found.append(replace(each, place=_in_variant(each.place, *variant)))
         return _sorted(found, path)
@@ -47,7 +47,7 @@ def validate(path: Path) -> list[Finding]:
         InputError: there is no such file, or it cannot be opened as USD.
     """
     with _quiet():
-        return _sorted(_findings(_open(path), {}, is_chosen=True), path)
+        return _sorted(_findings(_open(path), {}), path)
 
 
 def usd_findings(stage: Usd.Stage) -> list[Finding]:
@@ -101,8 +101,8 @@ def _open(path: Path) -> Usd.Stage:
         raise InputError(" ".join(str(error).split())) from error
 
 
-def _findings(stage: Usd.Stage, known: Known, *, is_chosen: bool) -> list[Finding]:
-    return own_findings(stage, known, is_chosen=is_chosen) + usd_findings(stage)
+def _findings(stage: Usd.Stage, known: Known) -> list[Finding]:
+    return own_findings(stage, known) + usd_findings(stage)
 
 
 def _other_variants(stage: Usd.Stage) -> Iterator[tuple[str, str, str]]:

@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 
-from forestgen.usd.finding import CHECKS
+from forestgen.errors import InputError
+from forestgen.usd.finding import CHECKS, USD_REMEDIES
 from forestgen.usd.layers import open_stage
+from forestgen.usd.own_checks_geometry import degenerate
+from forestgen.usd.own_checks_instancer import UNIT
 from forestgen.usd.validate import usd_findings, validate_file
 
 
@@ -172,7 +175,20 @@ def curve(points: list[tuple[float, float, float]], counts: list[int]) -> Callab
     return plant
 
 
+def lost_index(tree: Tree) -> None:
+    branches = tree.prim("branches")
+    colour = UsdGeom.PrimvarsAPI(branches).CreatePrimvar("tint", Sdf.ValueTypeNames.FloatArray, "uniform")
+    colour.Set([0.5, 1.0])
+    colour.SetIndices(Vt.IntArray([0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 2]))
+
+
+def too_few_values(tree: Tree) -> None:
+    phase = UsdGeom.PrimvarsAPI(tree.prim("leaves")).CreatePrimvar("phase", Sdf.ValueTypeNames.FloatArray, "vertex")
+    phase.Set([0.5] * 49)
+
+
 def missing_payload(tree: Tree) -> None:
+    del tree.stage  # else it would be remembered
     (tree.path.parent / "geometry.usdc").unlink()
 
 
@@ -220,6 +236,10 @@ FAULTS: dict[str, tuple[Callable[[Tree], None], str, str, str, bool]] = {
     "wide hint": (wide_hint, "ExtentsHint", "/oak.extentsHint", "wider than what is drawn", False),
     "primvar": (lambda t: t.shorten("branches", "normals"), "PrimvarLength", "branches.normals",
                 "has 7 values, but vertex interpolation asks for 8", False),
+    "short primvar": (too_few_values, "PrimvarLength", "leaves.primvars:phase",
+                      "has 49 values, but vertex interpolation asks for 50", False),
+    "primvar index": (lost_index, "PrimvarIndexRange", "branches.primvars:tint:indices",
+                      "such as 2 into 2 values", False),
     "sample": (short_sample, "InstanceLengths", "leaves.positions", "49 values for 50 protoIndices at time 2", False),
     "uneven": (uneven_primvar, "SampleLengths", "branches.primvars:sway", "1 to 2 values", False),
     "curve": (curve([(0, 0, 0), (0, 1, 0), (0, 2, 0)], [2]), "CurveCounts", "twig.curveVertexCounts",
@@ -235,6 +255,7 @@ FAULTS: dict[str, tuple[Callable[[Tree], None], str, str, str, bool]] = {
                      "it is no material: /oak/mtl/bark/surface", True),
     "connection": (broken_connection, "ConnectionTarget", "bark/surface.inputs:diffuseColor",
                    "outputs:nothing, which is not there", False),
+    "payload": (missing_payload, "CompositionError", "/", "Could not load sublayer @./geometry.usdc@", True),
     "layer": (absolute_layer, "AssetAbsolute", "oak.usda", "is no relative path", False),
 }  # fmt: skip
 
@@ -256,7 +277,151 @@ def test_a_planted_fault_is_told_alone(fault: str, tree: Tree) -> None:
     assert [each.error for each in found] == [error], "\n".join(each.line() for each in found)
     assert found[0].place.endswith(place)
     assert message in found[0].message
-    assert (found[0].severity, found[0].remedy) == CHECKS[error]
+    assert (found[0].severity, found[0].remedy) == CHECKS.get(error, ("error", USD_REMEDIES["CompositionErrorTest"]))
     assert found[0].line().count("\n") == 0
     assert found[0].place in found[0].line()
     assert bool(usd_findings(open_stage(tree.path))) == is_seen_by_usd
+
+
+def test_every_check_has_a_planted_fault() -> None:
+    assert set(CHECKS) - {error for _, error, *_ in FAULTS.values()} == {"Unreadable"}  # see test_damage_is_told
+
+
+VARIANTS = """#usda 1.0
+(
+    defaultPrim = "oak"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "oak" (
+    variants = {
+        string size = "small"
+        string season = "summer"
+    }
+    prepend variantSets = ["size", "season"]
+)
+{
+    def Mesh "wood" {
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1)] (interpolation = "vertex")
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, %s]
+        uniform token subdivisionScheme = "none"
+    }
+    variantSet "size" = {
+        "small" {
+            over "wood" {
+                float3[] extent = [(0, 0, 0), (1, 1, 0)]
+            }
+        }
+        "large" {
+            over "wood" {
+                float3[] extent = [(0, 0, 0), (2, 2, 0)]
+            }
+        }
+    }
+    variantSet "season" = {
+        "summer" { }
+        "winter" (payload = @./snow.usda@) { }
+    }
+}
+"""
+
+
+def test_every_variant_is_opened_and_told_alone(tmp_path: Path) -> None:
+    path = tmp_path / "oak.usda"
+    path.write_text(VARIANTS % 2)
+    found = validate_file(path)
+    assert [(each.error, each.place) for each in found] == [
+        ("CompositionError", "/oak{season=winter}"),
+        ("Extent", "/oak{size=large}wood.extent"),
+    ]
+    assert path.read_text() == VARIANTS % 2
+
+
+def test_what_every_variant_shows_is_told_once(tmp_path: Path) -> None:
+    path = tmp_path / "oak.usda"
+    path.write_text(VARIANTS % 3)
+    found = [each.place for each in validate_file(path) if each.error == "FaceIndexRange"]
+    assert found == ["/oak/wood.faceVertexIndices"]
+
+
+def test_a_fault_in_shared_instances_is_told_once(scene: Path, tmp_path: Path) -> None:
+    shutil.copytree(scene.parent, tmp_path / "wood")
+    tree = Tree(tmp_path / "wood" / "trees" / "oak" / "oak.usda")
+    tree.change("leaves", "protoIndices", 7, 3)
+    tree.prim("branches").GetAttribute("subdivisionScheme").Set("catmark")
+    tree.save()
+    found = validate_file(tmp_path / "wood" / scene.name)
+    assert [(each.error, each.place) for each in found] == [
+        ("ProtoIndexRange", "/wood/trees/oak/geo/LOD0/leaves.protoIndices"),  # oak_copy shares it
+    ]
+
+
+def test_a_package_is_checked_like_a_folder(oak: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "oak.usdz"
+    assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(oak)), str(whole))
+    assert [each.line() for each in validate_file(whole)] == []
+
+
+def test_damage_is_told(oak: Path, tmp_path: Path) -> None:
+    """Arrays that cannot be unpacked are findings, not a crash."""
+    shutil.copytree(oak.parent, tmp_path / "oak")
+    layer = tmp_path / "oak" / "geometry.usdc"
+    data = bytearray(layer.read_bytes())
+    data[88:1500] = b"\x77" * (1500 - 88)  # behind the head: the arrays
+    layer.write_bytes(bytes(data))
+    found = validate_file(tmp_path / "oak" / oak.name)
+    assert found
+    assert {each.error for each in found} & {"Unreadable", "NotFinite", "FaceIndexRange", "PrimvarLength"}
+    assert all("\n" not in each.line() for each in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.usda", None, "there is no such file"),
+        ("folder", "", "is a folder; expected a USD file"),
+        ("empty.usdc", b"", "is empty; expected a USD file"),
+        ("words.usda", b"a tree", "cannot be opened as USD"),
+        ("words.txt", b"a tree", "cannot be opened as USD"),
+        ("words.usdz", b"a tree", "cannot be opened as USD"),
+        ("half.usdc", "half", "cannot be opened as USD: .*possibly truncated"),
+    ],
+)
+def test_what_cannot_be_opened_is_one_line(
+    name: str, content: bytes | str | None, message: str, oak: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    if content == "":
+        path.mkdir()
+    elif content is not None:
+        whole = (oak.parent / "geometry.usdc").read_bytes()
+        path.write_bytes(content if isinstance(content, bytes) else whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=message) as told:
+        validate_file(path)
+    assert "\n" not in str(told.value)
+    assert str(path) in str(told.value)
+    assert capfd.readouterr() == ("", "")  # USD's own warnings stay off the terminal
+
+
+def test_faces_of_any_size_are_measured() -> None:
+    """Polygons of 3 and 4 corners together give what each alone gives."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], np.float32)
+    corners = np.array([0, 1, 2, 0, 1, 2, 3, 0, 1, 4, 0, 1, 1])  # triangle, square, line, twice the same corner
+    repeated, flat = degenerate(np.array([3, 4, 3, 3]), corners, points)
+    assert repeated.tolist() == [False, False, False, True]
+    assert flat.tolist() == [False, False, True, True]
+    for start, count, k in ((0, 3, 0), (3, 4, 1), (7, 3, 2), (10, 3, 3)):
+        one = degenerate(np.array([count]), corners[start : start + count], points)
+        assert [bool(each[0]) for each in one] == [bool(repeated[k]), bool(flat[k])]
+
+
+def test_rounded_quaternions_are_unit_enough() -> None:
+    """The tolerances hold for every quaternion that was unit before it was stored."""
+    turn = np.random.default_rng(1).normal(size=(20_000, 4))
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    for name, kind in (("orientations", np.float16), ("orientationsf", np.float32)):
+        off = np.abs(np.linalg.norm(turn.astype(kind).astype(float), axis=1) - 1).max()
+        assert off < UNIT[name] / 2
+        assert off > UNIT[name] / 1000
