@@ -20,6 +20,11 @@ def stage_name(prim_name: str) -> str:
     return f"{prim_name}.usda"
 
 
+def arrays_name(prim_name: str) -> str:
+    """File name of the layer behind a scene's stage that holds many trees' places; few need none."""
+    return f"{prim_name}_trees.usdc"
+
+
 def write_record(folder: Path, scene: Scene, errors: Mapping[str, str]) -> None:
     """Write build.json: the manifest as resolved, and per tree what `check` needs. `errors`: by tree's name."""
     trees = [
@@ -77,7 +82,8 @@ def stale_entries(out: Path, ours: Sequence[str]) -> list[str]:
         stage = str(earlier["scene"]["prim_name"])
     except (ValueError, LookupError, TypeError):
         return []  # it cannot say what it wrote, so nothing is taken for its own
-    names = [f"trees/{prim}" for prim in prims if _is_ours(prim)] + [stage_name(stage)] * _is_ours(stage)
+    names = [f"trees/{prim}" for prim in prims if _is_ours(prim)]
+    names += [stage_name(stage), arrays_name(stage)] if _is_ours(stage) else []
     return [name for name in dict.fromkeys(names) if name not in ours]
 
 

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -47,6 +48,9 @@ def build(
     scene: Annotated[Path, typer.Argument(help="The scene manifest (TOML).")],
     out: Out,
     root: Root = None,
+    instancing: Annotated[
+        str, typer.Option(help="What trees become: native prims, points of an instancer, or auto: points above 1,000.")
+    ] = "auto",
     jobs: Jobs = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -59,7 +63,7 @@ def build(
 
     spec = load_scene(scene, root)
     with _progress([tree.name for tree in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, jobs=_n_workers(jobs), on_progress=on_progress)
+        build_scene(spec, out, instancing=instancing, jobs=_n_workers(jobs), on_progress=on_progress)
     _finish([out], quiet, as_json)
 
 
@@ -169,6 +173,25 @@ def grow(
 def summary(outs: Annotated[list[Path], typer.Argument(help="Folders that builds wrote.")]) -> None:
     """Print the table of trees, scores and seconds of earlier builds."""
     _finish(outs, quiet=False, as_json=False)
+
+
+@app.command()
+def validate(
+    file: Annotated[Path, typer.Argument(help="Any USD file.")],
+    as_json: Json = False,
+) -> None:
+    """Check a USD file: USD's own validators and what none of them checks, in every variant of its default prim."""
+    from forestgen.usd.validate import validate_file
+
+    findings = validate_file(file)
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in findings], indent=1))
+    else:
+        for finding in findings:
+            print(finding.line())
+        print(f"{file}: {len(findings) or 'no'} finding{'s' * (len(findings) != 1)}")
+    if findings:
+        raise typer.Exit(GATE_FAILED)
 
 
 @app.command()

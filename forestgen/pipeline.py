@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from forestgen.build_record import (
     BUILD,
     REPORT,
     SECONDS,
+    arrays_name,
     read_seconds,
     stage_name,
     stale_entries,
@@ -31,6 +32,7 @@ from forestgen.workers import OnProgress, run_parallel
 if TYPE_CHECKING:
     from forestgen.check.output import CheckJob
     from forestgen.check.report import TreeReport
+    from forestgen.usd.forest_scene import Instancing
 
 STEPS = (*STAGES, "write", "check")  # what progress counts, for each tree
 
@@ -118,28 +120,35 @@ def _build_job(job: _Job, on_stage: OnStage) -> dict[str, float]:
     return {**model.seconds, "write": perf_counter() - start}
 
 
-def build_scene(scene: Scene, out: Path, *, jobs: int = 1, on_progress: OnProgress | None = None) -> dict[str, Any]:
+def build_scene(
+    scene: Scene, out: Path, *, instancing: str = "auto", jobs: int = 1, on_progress: OnProgress | None = None
+) -> dict[str, Any]:
     """Build every tree of a scene, place them on a stage, score them; returns the report (DESIGN, section 5).
 
     All is made in a hidden folder inside `out` and takes its place at the end, so an interrupted build
     leaves an earlier one as it was. A tree that a stage cannot build is left out of the stage and named
-    in the report. Trees of an earlier build in `out` that the scene no longer names are removed.
+    in the report. `instancing` says what the trees become on the stage: `native` prims, `points` of an
+    instancer, or `auto`. Trees of an earlier build in `out` that the scene no longer names are removed.
 
     Raises:
-        InputError: the scene or `out` cannot be used; nothing was written.
+        InputError: the scene, `out` or `instancing` cannot be used; nothing was written.
         OSError: `out` could not be written to; an earlier build is as it was.
         RenderError: trees and stage are written, but there is no OpenGL to score them with.
     """
     out = Path(out)
     check_inputs(scene)
-    fresh = [BUILD, SECONDS, *(f"trees/{tree.prim_name}" for tree in scene.trees), stage_name(scene.prim_name)]
+    kind = _checked_instancing(instancing)
+    stage, arrays = stage_name(scene.prim_name), arrays_name(scene.prim_name)
+    fresh = [BUILD, SECONDS, *(f"trees/{tree.prim_name}" for tree in scene.trees), stage, arrays]
     stale = stale_entries(out, [*fresh, *REPORT])
     with staging(out) as work:
         seconds, errors = _build_trees(scene, work / "trees", jobs, _unfinished(on_progress))
-        _write_stage(_without(scene, set(errors)), work)
+        _write_stage(_without(scene, set(errors)), work, kind)
         write_record(work, scene, errors)
         write_seconds(work, seconds)
         fresh = [name for name in fresh if (work / name).exists()]
+        if stage in fresh and arrays not in fresh:
+            stale.append(arrays)
         try:
             report = _check(work, work, jobs, on_progress)
         except RenderError:
@@ -183,7 +192,17 @@ def check_inputs(scene: Scene) -> None:
                 )
 
 
-def _write_stage(scene: Scene, folder: Path) -> None:
+def _checked_instancing(name: str) -> Instancing:
+    from forestgen.usd.forest_scene import Instancing
+
+    kind: Instancing
+    for kind in get_args(Instancing):
+        if name == kind:
+            return kind
+    raise InputError(f"instancing: expected one of {', '.join(get_args(Instancing))}, came {name!r}")
+
+
+def _write_stage(scene: Scene, folder: Path, instancing: Instancing) -> None:
     """Write the scene's stage beside its trees; none where no tree could be built."""
     from forestgen.usd.forest_scene import write_forest
 
@@ -196,6 +215,7 @@ def _write_stage(scene: Scene, folder: Path) -> None:
             {prim: tree / "cameras.usda" for prim, tree in trees.items()},
             folder / stage_name(scene.prim_name),
             scene.prim_name,
+            instancing=instancing,
         )
 
 

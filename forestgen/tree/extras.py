@@ -13,10 +13,12 @@ from forestgen.tree.level import Level
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """Coarser levels of detail, each for smaller sizes on the screen than the one before, and their pictures."""
+    """What to write beside the tree. Each level serves smaller sizes on the screen than the one before."""
 
     levels: tuple[Level, ...] = ()  # those after the full one
     card_atlas: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1, 4), np.uint8))  # (H, W, 4) sRGB
+    wind: bool = False  # primvars for shaders that bend branches
+    guides: bool = False  # the skeleton as curves and JSON, and capsules to collide with
 
     def __post_init__(self) -> None:
         freeze(self, card_atlas=(np.uint8, "H", "W", 4))

@@ -4,14 +4,18 @@
     payload.usdc      sublayers those below
     geometry.usdc     /<name>/geo/LOD0/branches Mesh, /<name>/geo/LOD0/leaves PointInstancer
     lods.usdc         /<name>/geo/LOD1 ...: coarser levels of detail, the last one of cards; sizes to switch at
+    wind.usdc         primvars:wind:* on geo and every mesh and instancer below it
+    guides.usdc       /<name>/guides: the skeleton as curves, capsules to collide with
     materials.usdc    /<name>/mtl/bark, leaf, leaf_cards
     textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png
+    skeleton.json     the skeleton as data
 
 The structure is the one of the usd-wg asset guidelines.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,12 +27,16 @@ from pxr import Sdf, Usd, UsdGeom
 from forestgen.tree.extras import Extras
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.model import TreeModel
+from forestgen.tree.skeleton_json import skeleton_json
 from forestgen.usd.geometry import Box, define_leaves, define_mesh, union, vec3f
+from forestgen.usd.guides import guides_layer
 from forestgen.usd.layers import new_stage, require_prim_name, save
 from forestgen.usd.materials import define_leaf_material, define_plain_material, define_textured_material
 from forestgen.usd.variants import define_lod_sizes, define_lod_variants, level_name
+from forestgen.usd.wind import wind_layer
 
 CARDS = "leaf_cards"  # prim, material and texture
+SKELETON = "skeleton.json"
 
 
 def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = None) -> Path:
@@ -46,15 +54,23 @@ def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = Non
     geometry, box = _levels(name, [full_level(model)])
     layers = {"geometry": geometry, "materials": _materials(model, extras, name)}
     if extras.levels:
-        layers["lods"], _ = _levels(name, extras.levels, first=1)
+        layers["lods"], coarser = _levels(name, extras.levels, first=1)
+        box = union([box, coarser])  # whichever level is chosen, nothing is beyond the extents hint
         sizes = [level.switch_px for level in extras.levels]
         define_lod_sizes(Usd.Stage.Open(layers["lods"]), Sdf.Path(f"/{name}"), sizes, box)
-    layers["payload"] = _payload(name, [f"./{layer}.usdc" for layer in sorted(layers, reverse=True)])
+    if extras.wind:
+        layers["wind"] = wind_layer(name, model.skeleton, [full_level(model), *extras.levels])
+    if extras.guides:
+        layers["guides"] = guides_layer(name, model.skeleton)
+    below = sorted(layers, reverse=True)  # wind is the strongest: it adds to prims that others define
+    layers["payload"] = _payload(name, [f"./{layer}.usdc" for layer in below])
     root = _root(model, name, box, 1 + len(extras.levels))
 
     (folder / "textures").mkdir(parents=True, exist_ok=True)
     for texture, image in _textures(model, extras).items():
         write_png(image, folder / "textures" / f"{texture}.png")
+    if extras.guides:
+        (folder / SKELETON).write_text(json.dumps(skeleton_json(model.skeleton), separators=(",", ":")), "utf-8")
     for layer, content in layers.items():
         save(content, folder / f"{layer}.usdc")
     return save(root, folder / f"{name}.usda")

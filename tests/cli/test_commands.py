@@ -208,3 +208,30 @@ def test_doctor_looks_at_every_package_that_the_project_names():
     names = doctor.required_packages()
     assert {"numpy", "usd-core", "pyrender", "PyMaxflow"} <= set(names)
     assert not {"pytest", "ruff", "hypothesis"} & set(names)
+
+
+@pytest.mark.parametrize(("normals", "code"), [("(0, 0, 1)", 0), ("(0, nan, 1)", 1)])
+def test_validate_prints_a_line_a_finding(run, folder, normals, code):
+    (folder / "a.usda").write_text(
+        '#usda 1.0\n(\n    defaultPrim = "a"\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n'
+        'def Mesh "a"\n{\n    float3[] extent = [(0, 0, 0), (1, 1, 0)]\n    int[] faceVertexCounts = [3]\n'
+        "    int[] faceVertexIndices = [0, 1, 2]\n    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]\n"
+        f'    normal3f[] normals = [{", ".join([normals] * 3)}] (interpolation = "vertex")\n'
+        '    uniform token subdivisionScheme = "none"\n}\n'
+    )
+    came, out, _ = run("validate", "a.usda")
+    assert came == code
+    lines = out.splitlines()
+    assert lines[-1] == (
+        "a.usda: no findings" if not code else f"a.usda: {len(lines) - 1} finding{'s' * (len(lines) > 2)}"
+    )
+    assert all(line.startswith("error: /a") and "; " in line for line in lines[:-1])
+    came, out, _ = run("validate", "a.usda", "--json")
+    assert came == code
+    assert [found["place"].split(".")[0] for found in json.loads(out)] == ["/a"] * (len(lines) - 1)
+
+
+def test_validate_refuses_what_is_no_usd(run, folder):
+    code, _, err = run("validate", "photo.png")
+    assert code == 2
+    assert "photo.png" in one_line(err)

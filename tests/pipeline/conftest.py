@@ -56,4 +56,4 @@ def pretend(monkeypatch):
 
     monkeypatch.setattr(pipeline, "_build_job", build)
     monkeypatch.setattr(pipeline, "_check_job", check)
-    monkeypatch.setattr(pipeline, "_write_stage", lambda scene, folder: write_stage(scene, folder))
+    monkeypatch.setattr(pipeline, "_write_stage", write_stage)

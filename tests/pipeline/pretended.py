@@ -11,7 +11,9 @@ from tests.small_scene import write_scene
 BUILT = "pretended tree"
 
 
-def write_stage(scene: Scene, folder: Path) -> None:
+def write_stage(scene: Scene, folder: Path, instancing: str) -> None:
+    if instancing == "points":
+        (folder / f"{scene.prim_name}_trees.usdc").write_bytes(b"places")
     if scene.trees:
         (folder / f"{scene.prim_name}.usda").write_text(f"#usda 1.0\n# {[tree.name for tree in scene.trees]}\n")
 

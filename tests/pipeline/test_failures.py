@@ -39,6 +39,19 @@ def test_the_stage_of_a_renamed_scene_goes(folder, pretend):
     assert [path.name for path in (folder / "out").glob("*.usda")] == ["other.usda"]
 
 
+def test_places_of_many_trees_come_and_go_with_the_stage(folder, pretend):
+    build(folder, "a", instancing="points")
+    assert (folder / "out" / "small_trees.usdc").is_file()
+    build(folder, "a")
+    assert not (folder / "out" / "small_trees.usdc").exists()
+
+
+def test_an_unknown_kind_of_instancing_is_refused_before_anything_is_written(folder, pretend):
+    with pytest.raises(InputError, match="expected one of auto, native, points, came 'prims'"):
+        build(folder, "a", instancing="prims")
+    assert not (folder / "out").exists()
+
+
 def test_a_build_record_cannot_make_us_remove_other_folders(folder, pretend):
     build(folder, "a")
     victim = folder / "victim"

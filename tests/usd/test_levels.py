@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from forestgen.reference import write_provenance
 from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level, full_level
 from forestgen.tree.model import Leaves, TreeModel
+from forestgen.tree.skeleton_json import skeleton_from_json
 from forestgen.usd.layers import open_stage
 from forestgen.usd.read import read_drawables
 from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
@@ -167,3 +169,20 @@ def test_levels_must_serve_smaller_and_smaller_sizes() -> None:
     level = Level(box_mesh(0.3, 1.9), NO_LEAVES, (), EMPTY_MESH, 100.0)
     with pytest.raises(ValueError, match="smaller and smaller"):
         Extras(levels=(level, level))
+
+
+def test_wind_and_guides_come_with_every_level(tmp_path: Path) -> None:
+    model = tree_model()
+    folder = tmp_path / "oak"
+    write_tree_asset(model, folder, replace(extras(model), wind=True, guides=True))
+    stage = open_stage(folder / "oak.usda")
+    stage.GetDefaultPrim().GetVariantSet("LOD").SetVariantSelection("all")
+    for where in ("LOD0/branches", "LOD0/leaves", "LOD1/leaves", "LOD2/leaf_cards"):
+        prim = stage.GetPrimAtPath(f"/oak/geo/{where}")
+        phase = UsdGeom.PrimvarsAPI(prim).GetPrimvar("wind:phase").ComputeFlattened()
+        points = prim.GetAttribute("positions" if where.endswith("leaves") else "points").Get()
+        assert len(phase) == len(points), where
+    assert UsdGeom.Imageable(stage.GetPrimAtPath("/oak/guides/skeleton")).ComputePurpose() == "guide"
+    skeleton = skeleton_from_json(json.loads((folder / "skeleton.json").read_text()), "skeleton.json")
+    assert_allclose(skeleton.position, model.skeleton.position, atol=1e-6)
+    assert validate(folder / "oak.usda") == []
