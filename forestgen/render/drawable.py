@@ -61,7 +61,9 @@ def extent_along(drawables: Sequence[Drawable], axes: NDArray[np.float64]) -> ND
     for drawable in drawables:
         if not (len(drawable.faces) and len(drawable.transforms)):
             continue
-        used = drawable.points[np.unique(drawable.faces)]
+        is_used = np.zeros(len(drawable.points), bool)
+        is_used[drawable.faces] = True
+        used = drawable.points[is_used]
         ahead = np.einsum("ai,kij->akj", axes, drawable.transforms[:, :3, :3])
         start = axes @ drawable.transforms[:, :3, 3].T
         along = ahead @ used.T  # (A, K, P)

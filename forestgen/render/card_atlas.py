@@ -1,0 +1,94 @@
+"""The cards' texture: every leaf and twig drawn onto its cards, all in one picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.camera import Camera
+from forestgen.render.card_cutout import cutout_alpha
+from forestgen.render.card_plan import CardPlan
+from forestgen.render.drawable import Drawable
+from forestgen.render.model_drawables import bark_rgba, leaf_drawables, leaf_places
+from forestgen.render.studio import Studio
+from forestgen.tree.model import Bark, Mesh, TreeModel
+
+FINER = 2  # px drawn a texel, both ways, each of four samples
+ENOUGH = 0.3  # coverage from which a texel lends its colour to those with too little
+LEAST = 1e-3  # coverage that colours are divided by at least
+SHOWN = 0.25  # alpha from which a texel keeps its own colour
+
+
+def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    """The texture (side, side, 4), sRGB and straight alpha, of a tree's cards, its leaves over `leaf_rgba` (H, W, 4).
+
+    Without leaves (winter) where `leaf_rgba` is None. Where alpha, interpolated, reaches one half, as much is
+    covered as leaves and twigs do cover there (times the plan's shares); colour is bled under the edges.
+
+    Raises:
+        ValueError: the plan is another tree's, or the atlas has another size than the tree's.
+        RenderError: there is no OpenGL to draw with.
+    """
+    if len(plan.leaf_card) != len(model.leaves):
+        raise ValueError(f"the cards show {len(plan.leaf_card)} leaves, but {model.name} has {len(model.leaves)}")
+    drawables = [_twigs(plan, model.mesh, model.bark)] if len(plan.twig) else []
+    if leaf_rgba is not None and len(model.leaves):
+        drawables += _leaves(plan, model, leaf_rgba)
+    px = plan.side * FINER
+    with Studio(drawables) as studio:
+        finer = studio.colour(Camera((px, px), (0.0, float(px)), float(FINER)))
+    picture = np.asarray(cv2.resize(finer, (plan.side, plan.side), interpolation=cv2.INTER_AREA), np.float32)
+    share = np.ones((plan.side, plan.side), np.float32)
+    for (left, top, width, height), part in zip(plan.cell.tolist(), plan.share.tolist(), strict=True):
+        share[top : top + height, left : left + width] = part
+    coverage = np.ascontiguousarray(picture[..., 3])
+    alpha = cutout_alpha(coverage, coverage * share)
+    return _bled(picture, alpha)
+
+
+def _leaves(plan: CardPlan, model: TreeModel, rgba: NDArray[np.uint8]) -> list[Drawable]:
+    """The leaves on every card that shows them, in the texture's pixels."""
+    places = plan.frame[plan.leaf_card] @ leaf_places(model.leaves)[:, None]
+    prototype = np.repeat(model.leaves.prototype, plan.leaf_card.shape[1])
+    return leaf_drawables(model.atlas.prototypes, prototype, places.reshape(-1, 4, 4), rgba)
+
+
+def _twigs(plan: CardPlan, mesh: Mesh, bark: Bark) -> Drawable:
+    """The thin wood on every card that shows it, in the texture's pixels; only what faces the viewer."""
+    corner, uv = mesh.points[mesh.faces[plan.twig]], mesh.uv[mesh.faces[plan.twig]]
+    ahead = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    points, places = [], []
+    for card in plan.twig_card.T:
+        seen = np.einsum("ti,ti->t", plan.frame[card, 2, :3], ahead) > 0
+        frame = plan.frame[card[seen]]
+        points.append(np.einsum("tai,tci->tca", frame[:, :3, :3], corner[seen]) + frame[:, None, :3, 3])
+        places.append(uv[seen])
+    flat = np.concatenate(points).reshape(-1, 3)
+    return Drawable(
+        name="twigs",
+        points=flat,
+        faces=np.arange(len(flat)).reshape(-1, 3),
+        uv=np.concatenate(places).reshape(-1, 2),
+        normals=np.broadcast_to([0.0, 0.0, 1.0], flat.shape),
+        texture=bark_rgba(bark),
+    )
+
+
+def _bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Straight colours of a premultiplied picture (H, W, 4) under another alpha (H, W).
+
+    A texel that is hardly covered takes the colour of the nearest one that is: so no mip level fringes.
+    """
+    enough = picture[..., 3] >= ENOUGH
+    if not enough.any():
+        return np.zeros(picture.shape, np.uint8)
+    rgb = picture[..., :3] / np.maximum(picture[..., 3:], LEAST)
+    _, label = cv2.distanceTransformWithLabels(
+        (~enough).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    nearest = np.zeros((int(label.max()) + 1, 3), np.float32)
+    nearest[label[enough]] = rgb[enough]
+    rgb = np.where((alpha >= SHOWN)[..., None], rgb, nearest[label])
+    straight = np.dstack([rgb, alpha])
+    return np.asarray(np.round(np.clip(straight, 0, 1) * 255), np.uint8)

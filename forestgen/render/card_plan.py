@@ -1,0 +1,205 @@
+"""CardPlan: where a tree's cards stand, where each lies in their texture, and what each of them shows.
+
+A billboard cloud (Decoret et al. 2003, "Billboard clouds for extreme model simplification") of three families of
+parallel cards: across z, across x, and level. Each leaf and each piece of thin wood is shown by the nearest card
+of every family, as seen straight onto it. From the front, the side and above the picture is exact whatever the
+cards' distance; from in between a leaf is seen on two or three cards at once, each at most half a distance off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.arrays import freeze
+from forestgen.camera import Camera
+from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
+from forestgen.render.model_drawables import leaf_places
+from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
+from forestgen.tree.limbs import unit
+from forestgen.tree.model import Mesh, TreeModel
+
+SIDE = 1024  # px of the card texture, both ways
+GUTTER = 4  # px between cells: two mip levels stay apart
+SWITCH_PX = 60.0  # at which cards and the full tree look alike
+N_CARDS = 100  # about; two triangles each
+LEVEL_GAP = 1.5  # level cards stand this much further apart: fewer look from above
+LEVEL_SHARE = 0.8  # of the coverage on level cards: seen aslant they come on top of the upright ones'
+UPRIGHT_SHARE = 0.97  # likewise where two upright families are seen together
+FAMILIES = tuple(Camera((1, 1), (0.0, 0.0), 1.0, *angles).axes for angles in ((0, 0), (np.pi / 2, 0), (0, np.pi / 2)))
+SHARES = (UPRIGHT_SHARE, UPRIGHT_SHARE, LEVEL_SHARE)
+
+
+@dataclass(frozen=True, eq=False)
+class CardPlan:
+    """C cards, K = 3 families, L leaves and T faces of thin wood of one tree."""
+
+    mesh: Mesh  # the cards, four points and two faces each, over the card texture
+    wood: Mesh  # trunk and main limbs as coarse tubes
+    side: int  # px, width and height of the texture
+    px_per_metre: float  # of the cells
+    frame: NDArray[np.float64]  # (C, 4, 4) tree to texture: px right, px up from its lower edge, px before the card
+    cell: NDArray[np.int64]  # (C, 4) px: left, top, width, height
+    share: NDArray[np.float64]  # (C,) of the coverage that a card is to show
+    leaf_card: NDArray[np.int64]  # (L, K) the cards that show a leaf
+    twig: NDArray[np.int64]  # (T,) faces of the tree's mesh that are on cards
+    twig_card: NDArray[np.int64]  # (T, K)
+
+    def __post_init__(self) -> None:
+        freeze(
+            self,
+            frame=(np.float64, "C", 4, 4),
+            cell=(np.int64, "C", 4),
+            share=(np.float64, "C"),
+            leaf_card=(np.int64, "L", "K"),
+            twig=(np.int64, "T"),
+            twig_card=(np.int64, "T", "K"),
+        )
+
+    def level(self, model: TreeModel) -> Level:
+        """The cards as the last level of detail of the tree that they were planned for.
+
+        Raises:
+            ValueError: the plan is another tree's.
+        """
+        if len(self.leaf_card) != len(model.leaves):
+            raise ValueError(f"the cards show {len(self.leaf_card)} leaves, but {model.name} has {len(model.leaves)}")
+        return Level(self.wood, NO_LEAVES, (), self.mesh, SWITCH_PX)
+
+
+def plan_cards(model: TreeModel, *, n_cards: int = N_CARDS, side: int = SIDE) -> CardPlan:
+    """Lay out about `n_cards` cards for a tree over a texture of `side` px."""
+    thick = thick_skeleton(model)
+    twig = thin_faces(model, thick)
+    low, high = _boxes(model, twig)
+    gap = _gap(low, high, n_cards)
+    card = np.zeros((low.shape[0], len(FAMILIES)), np.int64)
+    boxes: list[NDArray[np.float64]] = []
+    families: list[int] = []
+    for k, family_gap in enumerate((gap, gap, LEVEL_GAP * gap)):
+        depth = (low[:, k, 2] + high[:, k, 2]) / 2
+        weight = (high[:, k, :2] - low[:, k, :2]).prod(axis=1) + 1e-12
+        slab = _slabs(depth, family_gap)
+        card[:, k] = slab + len(boxes)
+        for s in range(int(slab.max(initial=-1)) + 1):
+            inside = slab == s
+            corner = np.array([low[inside, k].min(axis=0), high[inside, k].max(axis=0)])
+            corner[:, 2] = np.average(depth[inside], weights=weight[inside])
+            boxes.append(corner)
+            families.append(k)
+    box = np.array(boxes).reshape(-1, 2, 3)
+    scale, cell = _packed(np.ptp(box[:, :, :2], axis=1), side)
+    axes = np.array(FAMILIES)[families].reshape(-1, 3, 3)
+    return CardPlan(
+        mesh=_card_mesh(box, axes, cell, scale, side) if len(box) else EMPTY_MESH,
+        wood=coarse_wood(model, thick),
+        side=side,
+        px_per_metre=scale,
+        frame=_frames(box, axes, cell, scale, side),
+        cell=cell,
+        share=np.array(SHARES)[families],
+        leaf_card=card[: len(model.leaves)],
+        twig=twig,
+        twig_card=card[len(model.leaves) :],
+    )
+
+
+def _boxes(model: TreeModel, twig: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest coordinates (L + T, K, 3) of leaves and faces of thin wood along the families' axes."""
+    axes = np.array(FAMILIES)
+    n = len(model.leaves)
+    low, high = (np.empty((n + len(twig), len(FAMILIES), 3)) for _ in range(2))
+    places = leaf_places(model.leaves)
+    for k, prototype in enumerate(model.atlas.prototypes):
+        mine = np.flatnonzero(model.leaves.prototype == k)
+        turned = np.einsum("kai,lij->lkaj", axes, places[mine, :3, :3])
+        middle = np.einsum("kai,li->lka", axes, places[mine, :3, 3])
+        reach = turned @ prototype.points.T  # (l, K, 3, V)
+        low[mine], high[mine] = middle + reach.min(axis=3), middle + reach.max(axis=3)
+    corner = np.einsum("kai,tci->ckta", axes, model.mesh.points[model.mesh.faces[twig]])
+    low[n:], high[n:] = corner.min(axis=0).swapaxes(0, 1), corner.max(axis=0).swapaxes(0, 1)
+    return low, high
+
+
+def _gap(low: NDArray[np.float64], high: NDArray[np.float64], n_cards: int) -> float:
+    """Metres between the cards of an upright family, so that all families have `n_cards` together."""
+    middle = (low + high)[..., 2] / 2
+    extent = np.ptp(middle, axis=0) if len(middle) else np.zeros(len(FAMILIES))
+    return max(float(extent[0] + extent[1] + extent[2] / LEVEL_GAP) / n_cards, 1e-6)
+
+
+def _slabs(depth: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
+    """The slab (N,) that each depth falls into, counted without the empty ones."""
+    if not len(depth):
+        return np.zeros(0, np.int64)
+    n = max(1, round(float(np.ptp(depth)) / gap))
+    width = max(float(np.ptp(depth)) / n, 1e-12)
+    slab = np.clip(((depth - depth.min()) / width).astype(np.int64), 0, n - 1)
+    return np.unique(slab, return_inverse=True)[1].astype(np.int64)
+
+
+def _packed(sizes: NDArray[np.float64], side: int) -> tuple[float, NDArray[np.int64]]:
+    """The greatest scale (px a metre), within 1 %, at which rectangles (C, 2) m fit, and their cells (C, 4) px."""
+    if not len(sizes):
+        return 1.0, np.zeros((0, 4), np.int64)
+    scale = float(np.sqrt(side * side / max(sizes.prod(axis=1).sum(), 1e-12)))
+    scale = min(scale, (side - 2 * GUTTER) / float(sizes.max()))
+    while True:
+        px = np.maximum(np.ceil(sizes * scale).astype(np.int64), 1)
+        cell, height = _shelves(px, side)
+        if height <= side:
+            return scale, cell
+        scale *= 0.99
+
+
+def _shelves(px: NDArray[np.int64], side: int) -> tuple[NDArray[np.int64], int]:
+    """Cells (C, 4) of rectangles (C, 2) px laid on shelves, tallest first, and the height that they take."""
+    cell = np.zeros((len(px), 4), np.int64)
+    left = top = shelf = GUTTER // 2
+    shelf = 0
+    for k in np.lexsort((np.arange(len(px)), -px[:, 0], -px[:, 1])):
+        width, height = int(px[k, 0]), int(px[k, 1])
+        if left + width + GUTTER // 2 > side:
+            left, top, shelf = GUTTER // 2, top + shelf + GUTTER, 0
+        cell[k] = left, top, width, height
+        left, shelf = left + width + GUTTER, max(shelf, height)
+    return cell, top + shelf + GUTTER // 2
+
+
+def _frames(
+    box: NDArray[np.float64], axes: NDArray[np.float64], cell: NDArray[np.int64], scale: float, side: int
+) -> NDArray[np.float64]:
+    """From the tree's metres to the texture (C, 4, 4): the box's middle falls on its cell's, the card on depth 0."""
+    frame = np.zeros((len(box), 4, 4))
+    frame[:, :3, :3] = axes * scale
+    middle = np.column_stack([cell[:, 0] + cell[:, 2] / 2, side - cell[:, 1] - cell[:, 3] / 2, np.zeros(len(cell))])
+    frame[:, :3, 3] = middle - box.mean(axis=1) * scale
+    frame[:, 3, 3] = 1
+    return frame
+
+
+def _card_mesh(
+    box: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    cell: NDArray[np.int64],
+    scale: float,
+    side: int,
+) -> Mesh:
+    """Two triangles a card, as large as its cell; normals away from the crown's middle, the outer side in front."""
+    unit_square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    half = (unit_square - 0.5)[None] * cell[:, None, 2:] / scale
+    middle = box.mean(axis=1)
+    flat = np.concatenate([middle[:, None, :2] + half, np.repeat(middle[:, None, 2:], 4, axis=1)], axis=2)
+    points = np.einsum("cka,cai->cki", flat, axes)
+    px = cell[:, None, :2] + cell[:, None, 2:] * [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]
+    uv = px / side * [1, -1] + [0, 1]
+    centre = (points.reshape(-1, 3).min(axis=0) + points.reshape(-1, 3).max(axis=0)) / 2
+    outward = points - centre
+    behind = np.einsum("ci,ci->c", outward.mean(axis=1), axes[:, 2]) < 0
+    faces = np.where(behind[:, None, None], [[0, 2, 1], [0, 3, 2]], [[0, 1, 2], [0, 2, 3]])
+    facing = np.where(behind[:, None], -axes[:, 2], axes[:, 2])[:, None]
+    normals = unit(unit(outward) + facing)
+    index = 4 * np.arange(len(box))[:, None, None]
+    return Mesh(points.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), (faces + index).reshape(-1, 3))
