@@ -15,11 +15,13 @@ from forestgen.tree.model import Leaves, Mesh, TreeModel
 from forestgen.tree.wind import Wind, limb_of_leaves, limb_of_mesh
 
 # How a tree swings. Trunks of grown trees sway at 0.1 to 0.5 Hz, their branches at 1 Hz and above (James, Haritos &
-# Ades 2006, "Mechanical stability of trees under dynamic loads"); shares of lean and gust are ours.
+# Ades 2006, "Mechanical stability of trees under dynamic loads"); shares of lean and gust are ours. All swings are
+# multiples of an eighth of a hertz, so that the whole repeats after PERIOD.
 TRUNK_HZ = 0.25
-HZ_PER_LEVEL = 0.3
+HZ_PER_LEVEL = 0.25
 LEAN, GUST, SIDE = 0.6, 0.4, 0.3  # of the strength: steady, along the wind, across it
-SIDE_HZ = 1.3  # gusts across come that much faster than those along
+SIDE_HZ = 1.5  # gusts across come that much faster than those along
+PERIOD = 8.0  # s
 
 
 @dataclass(frozen=True)
