@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from heapq import heapify, heappop, heappush
+from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ THICK = 0.2  # wood at least that thick, as a share of the trunk's radius, is wo
 ROOM = 1.06  # the mesh's wood is uneven by 5 % of its radius (GeneralisedCylinders.roughness)
 FLARE = 0.25  # and at the ground wider by up to 20 % (GeneralisedCylinders.flare) and its unevenness,
 FLARE_UP = 1.5  # which is gone so many radii above it (root_flare)
+AIR = 0.1  # what a share of air inside a capsule, saved, counts against wood enclosed
 FINEST = 12  # knots of a limb at which it may be cut
 
 
@@ -51,25 +52,27 @@ class Capsules:
 def collision_capsules(tree: LimbTree, most: int = MOST) -> Capsules:
     """At most `most` capsules around the thick wood of a tree, from the trunk outward.
 
-    Each limb's thick part starts as one capsule. While there are capsules left the one that holds most
-    air is cut in two where that saves most; the trunk comes first, then limbs by the wood they hold.
+    The trunk's is the first. Each next one goes where it is worth most: to the limb without one that has
+    most wood, or where cutting a capsule in two saves most air (which counts AIR of as much wood).
     """
     runs = _thick_runs(tree)
-    wood = [_volume_of_wood(*run) for _, *run in runs]
-    by_wood = sorted(range(1, len(runs)), key=lambda k: -wood[k])
-    kept = [0, *by_wood[: max(0, 5 * most // 6 - 1)]]  # the rest is for cuts
-    pieces = [_Piece.around(*runs[k]) for k in kept]
-    queue = [(-piece.air, k) for k, piece in enumerate(pieces)]
-    heapify(queue)
-    while queue and len(pieces) < most:
-        _, k = heappop(queue)
-        halves = pieces[k].cut()
-        if halves is None:
-            continue
-        pieces[k] = halves[0]
-        pieces.append(halves[1])
-        heappush(queue, (-halves[0].air, k))
-        heappush(queue, (-halves[1].air, len(pieces) - 1))
+    waiting = sorted(runs[1:], key=lambda run: -_volume_of_wood(*run[1:]))
+    pieces: list[_Piece] = []
+    queue: list[tuple[float, int, tuple[_Piece, _Piece]]] = []
+
+    def offer(k: int, piece: _Piece) -> None:
+        pieces[k : k + 1] = [piece]
+        if (halves := piece.cut()) is not None:
+            heappush(queue, (-AIR * (piece.air - halves[0].air - halves[1].air), k, halves))
+
+    offer(0, _Piece.around(*runs[0]))
+    while len(pieces) < most and (queue or waiting):
+        if waiting and (not queue or _volume_of_wood(*waiting[0][1:]) > -queue[0][0]):
+            offer(len(pieces), _Piece.around(*waiting.pop(0)))
+        else:
+            _, k, halves = heappop(queue)
+            offer(k, halves[0])
+            offer(len(pieces), halves[1])
     pieces.sort(key=lambda piece: (piece.limb, piece.begin))
     ends = np.array([[piece.point[0], piece.point[-1]] for piece in pieces])
     radius, limb = np.array([piece.radius for piece in pieces]), np.array([piece.limb for piece in pieces])
