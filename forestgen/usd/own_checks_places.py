@@ -50,9 +50,12 @@ def extent(values: Values) -> Iterator[Finding]:
 
 
 def _is_whole(values: Values) -> bool:
-    """Whether USD can compute an extent: a prototype that is not there, which `instancer` tells, is an error to it."""
+    """Whether USD can say what the extent is: of shapes, and of instancers of which all prototypes are there.
+
+    The extent of a skeleton's root is its author's estimate of all poses.
+    """
     if not values.prim.IsA(UsdGeom.PointInstancer):
-        return True
+        return bool(values.prim.IsA(UsdGeom.Gprim))
     targets = UsdGeom.PointInstancer(values.prim).GetPrototypesRel().GetForwardedTargets()
     return all(values.prim.GetStage().GetPrimAtPath(target) for target in targets)
 

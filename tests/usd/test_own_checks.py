@@ -287,6 +287,14 @@ def test_every_check_has_a_planted_fault() -> None:
     assert set(CHECKS) - {error for _, error, *_ in FAULTS.values()} == {"Unreadable"}  # see test_damage_is_told
 
 
+def test_the_documentation_lists_every_check_with_its_remedy() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "validate.md").read_text()
+    for check, (severity, remedy) in CHECKS.items():
+        row = next(line for line in text.splitlines() if line.startswith(f"| `{check}` |"))
+        assert row.split(" | ")[1] == severity
+        assert row.endswith(f"| {remedy} |")
+
+
 VARIANTS = """#usda 1.0
 (
     defaultPrim = "oak"
