@@ -47,6 +47,7 @@ class GeneralisedCylinders(Strategy):
     roundness: float = 3.5e-4  # how far a flat side may lie inside the true circle, share of the size
     straightness: float = 5e-4  # how far the axis may stray from its curve between rings, share of the size
     shift: float = 0.25  # how far smoothing may move a node, in radii (and at most `bow`)
+    stride: float = 0.0  # taper needs no rings nearer together than this, share of the size; 0: by radii alone
     bow: float = 1e-3  # how far a curve may stray from the straight line between nodes, share of the size
     collar: float = 0.8  # radius of the fillet at a junction, in radii of the child
     lean: float = 0.8  # how much a branch as thick as its parent leaves in the parent's direction
@@ -90,8 +91,12 @@ class GeneralisedCylinders(Strategy):
         return curve_through(limbs, position[limbs.node], knot_radius, self.lean * np.clip(ratio, 0, 1), room)
 
     def sides(self, curves: LimbCurves, size: float) -> NDArray[np.int64]:
-        """Number of flats (L,) around each limb: a polygon of n falls short of its circle by r (1 - cos(pi/n))."""
-        thickest = np.maximum.reduceat(curves.radius, curves.limbs.first[:-1])
+        """Number of flats (L,) around each limb of a tree of the given size (m)."""
+        return self.flats(np.maximum.reduceat(curves.radius, curves.limbs.first[:-1]), size)
+
+    def flats(self, thickest: NDArray[np.float64], size: float) -> NDArray[np.int64]:
+        """Number of flats (L,) around limbs as thick as (L,) m: n of them fall short of the circle by
+        r (1 - cos(pi/n))."""
         inside = np.clip(self.roundness * size / thickest, 1e-9, 1.0)
         n = np.ceil(np.pi / np.arccos(1 - inside))
         return np.asarray(np.clip(n, self.min_sides, self.max_sides), np.int64)
@@ -102,7 +107,7 @@ class GeneralisedCylinders(Strategy):
         far = np.where(n_side > self.min_sides, np.where(n_side >= ROUGH_SIDES, 1.5, 6.0), 60.0)
         thick = np.maximum(curves.radius, SMALLEST * size)
         tolerance = np.maximum(self.straightness * size, np.where(n_side > self.min_sides, 0.03, 0.7) * thick)
-        station, limb = needed_stations(curves, tolerance, far * thick)
+        station, limb = needed_stations(curves, tolerance, np.maximum(far * thick, self.stride * size))
         foot = flare_stations(float(curves.begin[0]), sink, float(curves.radius[0]))
         collar, owner = collar_stations(curves, joints)
         zones, owners = np.concatenate([foot, collar]), np.concatenate([np.zeros(len(foot), np.int64), owner])
