@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.camera import Camera
-from forestgen.render.card_cutout import cutout_alpha
+from forestgen.render.card_cutout import bled, cutout_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
 from forestgen.render.model_drawables import bark_rgba, leaf_drawables, leaf_places
@@ -15,9 +15,6 @@ from forestgen.render.studio import Studio
 from forestgen.tree.model import Bark, Mesh, TreeModel
 
 FINER = 2  # px drawn a texel, both ways, each of four samples
-ENOUGH = 0.3  # coverage from which a texel lends its colour to those with too little
-LEAST = 1e-3  # coverage that colours are divided by at least
-SHOWN = 0.25  # alpha from which a texel keeps its own colour
 
 
 def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
@@ -44,7 +41,7 @@ def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | 
         share[top : top + height, left : left + width] = part
     coverage = np.ascontiguousarray(picture[..., 3])
     alpha = cutout_alpha(coverage, coverage * share)
-    return _bled(picture, alpha)
+    return bled(picture, alpha)
 
 
 def _leaves(plan: CardPlan, model: TreeModel, rgba: NDArray[np.uint8]) -> list[Drawable]:
@@ -73,22 +70,3 @@ def _twigs(plan: CardPlan, mesh: Mesh, bark: Bark) -> Drawable:
         normals=np.broadcast_to([0.0, 0.0, 1.0], flat.shape),
         texture=bark_rgba(bark),
     )
-
-
-def _bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Straight colours of a premultiplied picture (H, W, 4) under another alpha (H, W).
-
-    A texel that is hardly covered takes the colour of the nearest one that is: so no mip level fringes.
-    """
-    enough = picture[..., 3] >= ENOUGH
-    if not enough.any():
-        return np.zeros(picture.shape, np.uint8)
-    rgb = picture[..., :3] / np.maximum(picture[..., 3:], LEAST)
-    _, label = cv2.distanceTransformWithLabels(
-        (~enough).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    nearest = np.zeros((int(label.max()) + 1, 3), np.float32)
-    nearest[label[enough]] = rgb[enough]
-    rgb = np.where((alpha >= SHOWN)[..., None], rgb, nearest[label])
-    straight = np.dstack([rgb, alpha])
-    return np.asarray(np.round(np.clip(straight, 0, 1) * 255), np.uint8)

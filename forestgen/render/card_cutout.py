@@ -1,4 +1,4 @@
-"""Alpha of a cut-out that shows as much as there is: local thresholds instead of one for all."""
+"""Cut-outs from pictures of soft edges: alpha that shows as much as there is, colour bled under its edges."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ NEAR = 3  # texels; over so wide a square the covered area is kept
 FINER = 3  # samples a texel along each way, at which interpolated alpha is judged
 HALVINGS = 9  # of the interval that holds a local threshold
 LEAST = 1 / 255  # coverage below which a texel stays clear
+ENOUGH = 0.3  # coverage from which a texel lends its colour to those with too little
+SHOWN = 0.25  # alpha from which a texel keeps its own colour
 
 
 def cutout_alpha(coverage: NDArray[np.float32], goal: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -33,3 +35,23 @@ def cutout_alpha(coverage: NDArray[np.float32], goal: NDArray[np.float32]) -> ND
     threshold = np.maximum((low + high) / 2, LEAST)
     alpha = np.clip(coverage / (2 * threshold), 0, 1)
     return np.where(coverage < LEAST, np.float32(0), alpha).astype(np.float32)
+
+
+def bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Straight colours of a premultiplied picture (H, W, 4) under another alpha (H, W).
+
+    A texel that is hardly covered takes the colour of the nearest one that is: so no mip level fringes.
+    """
+    fullest = float(picture[..., 3].max(initial=0))
+    if fullest < LEAST:
+        return np.zeros(picture.shape, np.uint8)
+    enough = picture[..., 3] >= min(ENOUGH, fullest / 2)
+    rgb = picture[..., :3] / np.maximum(picture[..., 3:], 1e-6)
+    _, label = cv2.distanceTransformWithLabels(
+        (~enough).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    nearest = np.zeros((int(label.max()) + 1, 3), np.float32)
+    nearest[label[enough]] = rgb[enough]
+    rgb = np.where((alpha >= SHOWN)[..., None], rgb, nearest[label])
+    straight = np.dstack([rgb, alpha])
+    return np.asarray(np.round(np.clip(straight, 0, 1) * 255), np.uint8)
