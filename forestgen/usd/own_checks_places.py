@@ -10,8 +10,8 @@ from pxr import UsdGeom
 from forestgen.usd.finding import Finding, own_finding
 from forestgen.usd.own_checks_values import Array, Values, at
 
-NEAR = 1e-4  # share of a box's diagonal by which an authored extent may differ: float32 and another order of sums
-ROUGH = 0.02  # share of it by which a hint may be wider, and variants may reach beyond a hint that serves all
+NEAR = 1e-4  # share of the diagonal by which a box may always differ: float32 and another order of sums
+ROUGH = 0.02  # share by which a box may be wider, and variants may reach beyond a hint that serves them all
 PURPOSES = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide]
 
 
@@ -35,7 +35,7 @@ def _varies(values: Values) -> bool:
 
 
 def extent(values: Values) -> Iterator[Finding]:
-    """The authored extent is what USD computes from points or instances."""
+    """The authored extent encloses what USD computes from points or instances, and is not much wider."""
     box = values.array("extent", 3)
     if box is None or not _is_whole(values):
         return
@@ -45,8 +45,8 @@ def extent(values: Values) -> Iterator[Finding]:
     place = values.path.AppendProperty("extent")
     if len(box) != 2:
         yield own_finding("Extent", place, f"has {len(box)} corners, not 2{at(values)}")
-    elif (off := _off(box, np.array(computed))) > 0:
-        yield own_finding("Extent", place, f"is off by up to {off:.3g} units from what is drawn{at(values)}")
+    elif message := _unlike(box, np.array(computed), beyond=0.0, wider=ROUGH):
+        yield own_finding("Extent", place, message + at(values))
 
 
 def _is_whole(values: Values) -> bool:
@@ -60,15 +60,21 @@ def _is_whole(values: Values) -> bool:
     return all(values.prim.GetStage().GetPrimAtPath(target) for target in targets)
 
 
-def _off(box: Array, computed: Array) -> float:
-    """By how much two boxes (2, 3) differ, 0 within the tolerance; an empty box equals another empty one."""
-    if not (np.isfinite(box).all() and np.isfinite(computed).all()):
-        return 0.0  # told by `finite`
-    if (computed[0] > computed[1]).any():
-        return 0.0 if (box[0] > box[1]).any() or np.ptp(box, axis=0).max() == 0 else float(np.ptp(box, axis=0).max())
-    diagonal = np.linalg.norm(np.ptp(computed.astype(float), axis=0))
-    off = float(np.abs(box.astype(float) - computed).max())
-    return off if off > NEAR * diagonal + 1e-6 * np.abs(computed).max() else 0.0
+def _unlike(box: Array, truth: Array, beyond: float, wider: float) -> str:
+    """How a box (2, 3) differs from what is drawn; nothing where it does not.
+
+    `beyond` and `wider`: by which share of the diagonal it may be too small and too large.
+    """
+    box, truth = box.astype(float), truth.astype(float)
+    if (truth[0] > truth[1]).any() or not (np.isfinite(box).all() and np.isfinite(truth).all()):
+        return ""  # nothing is drawn, or it is told by `finite`
+    diagonal = np.linalg.norm(np.ptp(truth, axis=0))
+    near = NEAR * diagonal + 1e-6 * np.abs(truth).max()
+    if (outside := max((box[0] - truth[0]).max(), (truth[1] - box[1]).max())) > max(near, beyond * diagonal):
+        return f"what is drawn reaches {outside:.3g} units beyond the box"
+    if (slack := max((truth[0] - box[0]).max(), (box[1] - truth[1]).max())) > max(near, wider * diagonal):
+        return f"the box is up to {slack:.3g} units wider than what is drawn"
+    return ""
 
 
 def extents_hint(values: Values) -> Iterator[Finding]:
@@ -82,17 +88,8 @@ def extents_hint(values: Values) -> Iterator[Finding]:
         return
     cache = UsdGeom.BBoxCache(values.time, PURPOSES, useExtentsHint=False)
     computed = np.array(UsdGeom.ModelAPI(values.prim).ComputeExtentsHint(cache)).reshape(-1, 2, 3)
-    place, is_varied = values.path.AppendProperty("extentsHint"), values.prim.HasVariantSets()
+    beyond, wider = (ROUGH, 1.0) if values.prim.HasVariantSets() else (0.0, ROUGH)
     for purpose, box, truth in zip(PURPOSES, hint[: len(hint) // 2 * 2].reshape(-1, 2, 3), computed, strict=False):
-        if (truth[0] > truth[1]).any() or not (np.isfinite(box).all() and np.isfinite(truth).all()):
-            continue
-        diagonal = np.linalg.norm(np.ptp(truth.astype(float), axis=0))
-        near = NEAR * diagonal + 1e-6 * np.abs(truth).max()
-        outside = float(max((box[0] - truth[0]).max(), (truth[1] - box[1]).max()))
-        wider = float(max((truth[0] - box[0]).max(), (box[1] - truth[1]).max()))
-        if outside > (ROUGH * diagonal if is_varied else near):
-            message = f"what is drawn reaches {outside:.3g} units beyond the {purpose} box{at(values)}"
-            yield own_finding("ExtentsHint", place, message)
-        elif wider > (diagonal if is_varied else ROUGH * diagonal):
-            message = f"the {purpose} box is up to {wider:.3g} units wider than what is drawn{at(values)}"
-            yield own_finding("ExtentsHint", place, message)
+        if message := _unlike(box, truth, beyond, wider):
+            place = values.path.AppendProperty("extentsHint")
+            yield own_finding("ExtentsHint", place, f"purpose {purpose}: {message}{at(values)}")
