@@ -13,6 +13,7 @@ from pxr import Tf, Usd, UsdUtils, UsdValidation
 from forestgen.errors import InputError
 from forestgen.usd.finding import ANY_REMEDY, USD_REMEDIES, Finding, own_finding
 from forestgen.usd.layers import open_stage, reason
+from forestgen.usd.mtlx_nodes import register_nodes
 from forestgen.usd.own_checks import Known, own_findings
 from forestgen.usd.own_checks_links import GONE
 
@@ -52,6 +53,7 @@ def validate(path: Path) -> list[Finding]:
 
 def usd_findings(stage: Usd.Stage) -> list[Finding]:
     """What USD's own validators find in an open stage; in shared instances, in the first of them."""
+    register_nodes()
     found: dict[tuple[str, ...], Finding] = {}
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     try:
