@@ -1,11 +1,11 @@
 # make demo    build the sample scenes         make test    run the tests
 # make setup   only the environment (.venv)    make lint    ruff and mypy
-# make bench   every benchmark                  make readers a growing tree in Blender and lightusd
+# make bench   every benchmark                  make readers what we write in Blender, lightusd, three.js ...
 PYTHON ?= python3
 BIN := .venv/bin
 OUT ?= out
 
-.PHONY: demo test setup lint bench readers clean
+.PHONY: demo test setup lint bench readers strangers clean
 
 SCENES := street woods garden
 
@@ -30,6 +30,10 @@ bench: .setup-stamp
 
 readers: .setup-stamp
 	PYTHON="$(PYTHON)" OUT="$(OUT)" sh tools/readers.sh
+
+# Only the readers' environments: the tests that ask them run with the others then.
+strangers:
+	PYTHON="$(PYTHON)" sh tools/readers.sh install
 
 setup: .setup-stamp
 

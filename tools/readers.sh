@@ -1,28 +1,37 @@
 #!/bin/sh
-# A growing tree before programs that nobody here wrote. Each has an environment of its own: they want other numpys.
+# What we write before programs that nobody here wrote, each in an environment of its own: they want other numpys.
+#   readers.sh install   only the environments: .venv-bpy, .venv-lightusd, tools/readers/node_modules
+#   readers.sh           those, a tree from a photo that grows, and all tests that ask them
+# A reader that cannot be had is skipped, and said so; its tests then skip with a reason.
 set -eu
 cd "$(dirname "$0")/.."
 PYTHON="${PYTHON:-python3}"
 OUT="${OUT:-out}"
-tree="$OUT/growing/trees/cherry_pink"
 
-.venv/bin/forestgen build scenes/growing/scene.toml -o "$OUT/growing" --quiet
-.venv/bin/forestgen grow "$tree" --frames 180 --fps 24 --no-film --quiet
-
-# reader NAME SCRIPT PACKAGE...: run a script in an environment with these packages, or say why not.
-reader() {
-    name=$1 script=$2
-    shift 2
-    home=".venv-$name"
-    if [ ! -x "$home/bin/python" ] || ! "$home/bin/python" -c "import $name" 2>/dev/null; then
-        "$PYTHON" -m venv "$home"
-        if ! "$home/bin/pip" install -q "$@"; then
-            echo "readers: $name skipped: $* could not be installed for $("$PYTHON" --version)"
-            return 0
-        fi
+# environment NAME PACKAGE...: a Python that imports NAME, or none.
+environment() {
+    name=$1 home=".venv-$1"
+    shift
+    if "$home/bin/python" -c "import $name" 2>/dev/null; then return; fi
+    rm -rf "$home"
+    log=$(mktemp)
+    if "$PYTHON" -m venv "$home" && "$home/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 "$@" \
+        >"$log" 2>&1 && "$home/bin/python" -c "import $name" >>"$log" 2>&1
+    then echo "readers: $name is there"
+    else
+        rm -rf "$home"
+        echo "readers: $name skipped: no $* for $("$PYTHON" --version): $(tail -n 1 "$log")"
     fi
-    "$home/bin/python" "tools/readers/$script" "$tree/growing.usda"
+    rm -f "$log"
 }
 
-reader bpy blender_plays.py bpy==4.5.15
-reader lightusd lightusd_plays.py lightusd==1.0.0rc4 "numpy<3"
+environment bpy bpy==4.5.15
+environment lightusd lightusd==1.0.0rc4 tinyusdz==0.9.4 "numpy<3"
+sh tools/readers/web.sh install
+[ "${1:-}" != install ] || exit 0
+
+tree="$OUT/growing/trees/cherry_pink"
+.venv/bin/forestgen build scenes/growing/scene.toml -o "$OUT/growing" --quiet
+.venv/bin/forestgen grow "$tree" --frames 180 --fps 24 --no-film --quiet
+FORESTGEN_OUT="$OUT" .venv/bin/pytest -q tests/readers
+sh tools/readers/web.sh

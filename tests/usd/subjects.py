@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from forestgen.camera import Camera
 from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
 from forestgen.tree.mesh import GeneralisedCylinders
@@ -15,9 +16,10 @@ from forestgen.usd.forest_scene import write_forest
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.tree.skeletons import random_tree
 from tests.usd.conftest import FOREST
-from tests.usd.models import box_mesh, tree_model
+from tests.usd.models import box_mesh, tree_model, view
 
 CELL = 64  # px of a leaf in the atlas
+CAMERA = Camera((420, 480), (210.0, 455.0), 105.0, np.radians(20), np.radians(8))
 
 
 def leafy_model(name: str = "oak", n_leaves: int = 600) -> TreeModel:
@@ -35,7 +37,7 @@ def leafy_model(name: str = "oak", n_leaves: int = 600) -> TreeModel:
         method="tan2008",
         seed=11,
         height=4.0,
-        views=few.views,
+        views=(view(CAMERA),),
         skeleton=skeleton,
         mesh=GeneralisedCylinders()(skeleton, bark),
         bark=bark,

@@ -1,0 +1,32 @@
+"""Fixtures: every profile of a leafy and a bare tree and of their scene, for readers to read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from forestgen.usd.profiles import PROFILES, write_profile
+from tests.usd.subjects import write_subject
+
+SUBJECTS = {"oak": "trees/oak", "bare": "trees/bare", "wood": "."}
+Made = dict[tuple[str, str], Path]
+
+
+@pytest.fixture(scope="session")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene of two trees, written; not to be changed."""
+    folder = tmp_path_factory.mktemp("readers ü") / "out"
+    write_subject(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made(out: Path) -> Made:
+    """The file of each profile, by (subject, profile); not to be changed."""
+    home = out.parent / "profiles"
+    return {
+        (subject, profile): write_profile(out / where, home / subject / profile, profile)
+        for subject, where in SUBJECTS.items()
+        for profile in PROFILES
+    }

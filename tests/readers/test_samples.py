@@ -1,0 +1,49 @@
+"""Readers before trees that were built from photos: those in out/, or where FORESTGEN_OUT says.
+
+`make readers` builds one; `make demo` all of the sample scenes.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from pxr import Usd
+
+from forestgen.usd.profiles import FLAT, PROFILES, write_profile
+from forestgen.usd.read import read_drawables
+from forestgen.usd.validate import validate
+from tests.readers.strangers import ROOT, ask, assert_agree, camera_of, composed, iou, our_mask, their_mask
+
+OUT = Path(os.environ.get("FORESTGEN_OUT", ROOT / "out"))
+TREES = sorted(path.parent for path in OUT.glob("**/trees/*/cameras.usda") if path.with_name("payload.usdc").is_file())
+EXPECTED_IOU = 0.97
+SHARE = 0.5  # of the photo's size
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not TREES, reason=f"nothing was built into {OUT.name}/: make readers, or make demo"),
+]
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("tree", TREES, ids=lambda tree: tree.name)
+def test_a_tree_from_a_photo(tree: Path, profile: str, tmp_path: Path) -> None:
+    path = write_profile(tree, tmp_path / "made", profile, level=0 if profile in FLAT else None)
+    assert validate(path) == []
+    drawables = read_drawables(path)
+
+    stage = Usd.Stage.Open(str(path))
+    assert_agree(ask("lightusd", "lightusd_reads.py", path)["prims"], composed(stage))
+
+    camera, mask = camera_of(tree / "cameras.usda", SHARE), tmp_path / "mask.png"
+    asked = ("--cameras", tree / "cameras.usda", "--mask", mask, "--size", *camera.size)
+    answer = ask("bpy", "blender_reads.py", path, *asked)
+    assert answer["triangles"] == sum(drawable.n_triangles for drawable in drawables)
+    assert answer["instances"] == sum(len(d.transforms) for d in drawables if d.is_leaf and profile in INSTANCED)
+    assert iou(their_mask(mask), our_mask(drawables, camera)) >= EXPECTED_IOU
+
+
+INSTANCED = ("usd", "blender")
