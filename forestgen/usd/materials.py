@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from numpy.typing import ArrayLike
-from pxr import Gf, Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd, UsdShade, Vt
 
 from forestgen.tree.srgb import linear_from_srgb as linear_from_srgb
 from forestgen.tree.srgb import srgb_from_linear as srgb_from_linear
 
 LEAF_ROUGHNESS = 0.6  # a cuticle shines a little; the photo's own lights are in the atlas already
 BARK_ROUGHNESS = 0.95
+MIP_THRESHOLDS = "forestgen:mipThresholds"  # custom data of a leaf material
 OPACITY_THRESHOLD = 0.5  # DESIGN section 6: mattes count from one half on
 
 
@@ -24,6 +27,15 @@ def define_leaf_material(stage: Usd.Stage, path: Sdf.Path, texture: str) -> None
     _connect(surface, "opacity", Sdf.ValueTypeNames.Float, image, "a", Sdf.ValueTypeNames.Float)
     surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(OPACITY_THRESHOLD)
     surface.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("presence")
+
+
+def set_mip_thresholds(stage: Usd.Stage, path: Sdf.Path, thresholds: Sequence[float]) -> None:
+    """Note on a leaf material what plain mip levels of its texture are to be tested against, level 0 first.
+
+    For engines that make their own mip levels: USD and MaterialX have no place for it (see docs/seasons-and-looks.md).
+    """
+    values = Vt.DoubleArray([float(value) for value in thresholds])
+    stage.GetPrimAtPath(path).SetCustomDataByKey(MIP_THRESHOLDS, values)
 
 
 def define_textured_material(stage: Usd.Stage, path: Sdf.Path, texture: str) -> None:

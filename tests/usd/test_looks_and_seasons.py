@@ -13,9 +13,11 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from forestgen.tree.leaf_pictures import picture_name
 from forestgen.tree.level import full_level
+from forestgen.tree.mips import build_mips
 from forestgen.usd.layers import open_stage, save
 from forestgen.usd.lights import define_delit_texture, define_light_variants
 from forestgen.usd.looks import LookMaterial, define_look_variants, look_layer
+from forestgen.usd.materials import set_mip_thresholds
 from forestgen.usd.mtlx_nodes import TABLE, register_nodes
 from forestgen.usd.read import read_drawables
 from forestgen.usd.seasons import Dress, SeasonLook, define_seasons
@@ -367,3 +369,12 @@ def test_the_bytes_depend_on_the_input_alone(tree: Path, tmp_path: Path) -> None
     dressed(path, DRESS)
     for name in ("oak.usda", "openpbr.usdc", "materials.usdc"):
         assert (tree.parent / name).read_bytes() == path.with_name(name).read_bytes(), name
+
+
+def test_thresholds_of_mip_levels_stand_on_the_material(tree: Path) -> None:
+    stage = Usd.Stage.Open(str(tree.with_name("materials.usdc")))
+    thresholds = build_mips(MODEL.atlas.rgba).thresholds
+    set_mip_thresholds(stage, Sdf.Path("/oak/mtl/leaf"), thresholds.tolist())
+    kept = stage.GetPrimAtPath("/oak/mtl/leaf").GetCustomData()["forestgen"]["mipThresholds"]
+    assert_array_equal(np.array(kept), thresholds)
+    assert kept[0] == 0.5
