@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from forestgen.tree.growth import Anchors
-from forestgen.tree.growth_kernels import bind_to_ways, way_misfit
+from forestgen.tree.growth_kernels import bind_to_ways, nearest_way
 from forestgen.tree.skeleton import Skeleton
 
 CANDIDATES = 12  # nodes about a limb's end among which the one is sought that it ends at
@@ -40,8 +40,8 @@ def bind_mesh(points: NDArray[np.float64], faces: NDArray[np.int64], skeleton: S
     candidate = cKDTree(skeleton.position).query(points[tip], k=k)[1].reshape(len(tip), k)
     share = np.linspace(0, 1, PROBES)
     probe = order[(first[:-1, None] + np.round(share * (count[:, None] - 1)).astype(np.int64))]
-    misfit = way_misfit(skeleton.position, skeleton.parent, candidate, points[probe])
-    end = candidate[np.arange(len(tip)), np.argmin(misfit, axis=1)]
+    nearest = nearest_way(skeleton.position, skeleton.parent, candidate, points[probe])
+    end = candidate[np.arange(len(tip)), nearest]
     ring = np.empty(len(points), np.int64)
     ring[order] = rings_of(points[order], first)
     n = np.bincount(ring)
@@ -75,8 +75,7 @@ def bind_leaves(foot: NDArray[np.float64], skeleton: Skeleton) -> Anchors:
     """Bind the feet (L, 3) of leaves' stalks to the nearest wood."""
     k = min(4, len(skeleton))
     near = cKDTree(skeleton.position).query(foot, k=k)[1].reshape(len(foot), k)
-    misfit = way_misfit(skeleton.position, skeleton.parent, near, foot[:, None])
-    end = near[np.arange(len(foot)), np.argmin(misfit, axis=1)]
+    end = near[np.arange(len(foot)), nearest_way(skeleton.position, skeleton.parent, near, foot[:, None])]
     node, part = bind_to_ways(skeleton.position, skeleton.parent, end, foot)
     return _anchors(foot, node, part, np.arange(len(foot)), skeleton)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from forestgen.arrays import freeze
+from forestgen.tree.growth_kernels import nearest_piece
 from forestgen.tree.limbs import Limbs, limbs_along, merge_coincident, thickest_child, without_hairpins
 from forestgen.tree.skeleton import Skeleton
 
@@ -55,12 +56,5 @@ def nearest_unit(points: NDArray[np.float64], skeleton: Skeleton) -> tuple[NDArr
     """
     k = min(NEAR_NODES, len(skeleton))
     node = cKDTree(skeleton.position).query(points, k=k)[1].reshape(len(points), k)
-    base = skeleton.position[np.maximum(skeleton.parent[node], 0)]
-    chord = skeleton.position[node] - base
-    square = np.einsum("pki,pki->pk", chord, chord)
-    t = np.einsum("pki,pki->pk", points[:, None] - base, chord) / np.where(square > 0, square, 1)
-    t = np.clip(t, 0, 1)
-    off = points[:, None] - base - t[..., None] * chord
-    best = np.argmin(np.einsum("pki,pki->pk", off, off), axis=1)
-    row = np.arange(len(points))
-    return node[row, best], t[row, best]
+    nearest, part = nearest_piece(skeleton.position, skeleton.parent, node, points)
+    return nearest, part
