@@ -13,6 +13,7 @@ darken at dusk nor take a shadow. Leaves are cut out (MASK) and seen from both s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.errors import InputError
-from forestgen.export.glb import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from forestgen.export.leaf_places import by_prototype, flat_leaves
-from forestgen.export.subject import Subject, png_bytes, require_target
+from forestgen.export.glb import Document
+from forestgen.export.gltf_tree import INSTANCING, GltfTree, instanced
+from forestgen.export.places import Places, standing_places
+from forestgen.export.subject import Subject, require_target
 from forestgen.scene.forest import Forest
 from forestgen.staging import install, staging
 from forestgen.tree.level import SCREEN_PX, Level
-from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
-from forestgen.usd.geometry import prototype_names
-from forestgen.usd.materials import BARK_ROUGHNESS, LEAF_ROUGHNESS, OPACITY_THRESHOLD, linear_from_srgb
+from forestgen.tree.model import TreeModel
 
-INSTANCING, LOD = "EXT_mesh_gpu_instancing", "MSFT_lod"
-LINEAR, LINEAR_MIPMAP_LINEAR = 9729, 9987
-CLAMP_TO_EDGE, REPEAT = 33071, 10497
-MOST_INDEX_16 = 65_534  # 65535 is glTF's end of strip
+LOD = "MSFT_lod"
+MOST_STANDING = 64  # trees with nodes of their own: each costs a reader some seventy draw calls
+MOST_INSTANCES = 4_000_000  # in one file, 128 MB
 
 
 def write_glb(
@@ -53,23 +52,34 @@ def write_glb(
         OSError: the file could not be written; an earlier one is as it was.
     """
     document = Document()
-    root = _Tree(document, Subject(model, tuple(levels), card_rgba), instancing).stand({})
-    return _write(document, [root], Path(path))
+    tree = GltfTree(document, Subject(model, tuple(levels), card_rgba), instancing)
+    return _write(document, [stand(tree, model.name or "tree", {})], Path(path))
 
 
 def write_scene_glb(trees: Mapping[str, Subject], forest: Forest, path: Path, *, instancing: bool = True) -> Path:
-    """Write a forest as `path`.glb: each tree's meshes, places of leaves and pictures once, and a node for each
-    standing and part of it. `trees` are by the forest's prototype names.
+    """Write a forest as `path`.glb; `trees` are by the forest's prototype names. Meshes and pictures are there once.
+
+    Up to MOST_STANDING trees have nodes of their own, with their levels of detail. More are written as instances
+    of the parts of their finest level, also those that are no leaves: a reader draws the forest in as many
+    calls as one tree of each kind. `instancing` is then about leaves alone.
 
     Raises:
-        InputError: as `write_glb`; or a tree is missing, or none stands.
+        InputError: as `write_glb`; or a tree is missing, none stands, or the leaves are too many for one file.
         OSError: as `write_glb`.
     """
-    missing = sorted({forest.prototypes[k] for k in forest.prototype} - set(trees))
-    if missing or not len(forest):
+    path = Path(path)
+    names = [forest.prototypes[k] for k in np.unique(forest.prototype)]
+    missing = [name for name in names if name not in trees]
+    if missing or not names:
         raise InputError(f"{path}: " + (f"there is no tree {missing[0]!r} to place" if missing else "no tree stands"))
     document = Document()
-    made = {name: _Tree(document, tree, instancing) for name, tree in trees.items()}
+    if len(forest) > MOST_STANDING:
+        kinds = dict(zip(forest.prototypes, standing_places(forest), strict=True))
+        _require_few(trees, kinds, path, instancing)
+        finest = {name: replace(trees[name], levels=trees[name].levels[:1]) for name in names}
+        roots = [stand_together(GltfTree(document, finest[name], instancing), name, kinds[name]) for name in names]
+        return _write(document, roots, path)
+    made = {name: GltfTree(document, trees[name], instancing) for name in names}
     roots = []
     for k, name in enumerate(forest.names):
         half, scale = forest.yaw[k] / 2, float(forest.scale[k])
@@ -78,123 +88,38 @@ def write_scene_glb(trees: Mapping[str, Subject], forest: Forest, path: Path, *,
             "rotation": [0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
             "scale": [scale, scale, scale],
         }
-        roots.append(made[forest.prototypes[forest.prototype[k]]].stand(place, name))
-    return _write(document, roots, Path(path))
+        roots.append(stand(made[forest.prototypes[forest.prototype[k]]], name, place))
+    return _write(document, roots, path)
 
 
-class _Tree:
-    """One tree in a document: its parts are stored when made, its nodes whenever it stands."""
+def stand(tree: GltfTree, name: str, place: Mapping[str, Any]) -> int:
+    """Add the nodes of one tree with all its levels, give the index of its root; `place` is its transform."""
+    document = tree.document
+    groups: list[int] = []
+    for k in reversed(range(len(tree.levels))):  # the finest last: it names the others
+        suffix = f"_LOD{k}" if k else ""
+        children = []
+        for part in tree.levels[k]:
+            places = {} if part.places is None else {"extensions": instanced(document, part.places)}
+            children.append(document.add("nodes", name=part.name + suffix, mesh=part.mesh, **places))
+        group: dict[str, Any] = {"name": name + suffix, "children": children, **place}
+        if k == 0:
+            group["extras"] = {"forestgen": tree.provenance}
+            if groups:
+                group["extensions"] = {LOD: {"ids": groups[::-1]}}
+                group["extras"]["MSFT_screencoverage"] = screen_coverage(tree.tree.levels)
+        groups.append(document.add("nodes", **group))
+    return groups[-1]
 
-    def __init__(self, document: Document, tree: Subject, instancing: bool) -> None:
-        self.document, self.tree = document, tree
-        self.parts = [self.level_parts(level, instancing) for level in tree.levels]
 
-    def stand(self, place: dict[str, Any], name: str | None = None) -> int:
-        """Add the nodes of one standing, give the index of its root; `place` is its transform."""
-        model, levels = self.tree.model, self.tree.levels
-        name = name or model.name or "tree"
-        groups: list[int] = []
-        for k in reversed(range(len(levels))):  # the finest last: it names the others
-            suffix = f"_LOD{k}" if k else ""
-            children = [self.document.add("nodes", **part | {"name": part["name"] + suffix}) for part in self.parts[k]]
-            group: dict[str, Any] = {"name": name + suffix, "children": children, **place}
-            if k == 0:
-                provenance = {"method": model.method, "seed": model.seed, "height": float(model.height)}
-                group["extras"] = {"forestgen": provenance}
-                if groups:
-                    group["extensions"] = {LOD: {"ids": groups[::-1]}}
-                    group["extras"]["MSFT_screencoverage"] = screen_coverage(levels)
-            groups.append(self.document.add("nodes", **group))
-        return groups[-1]
-
-    def level_parts(self, level: Level, instancing: bool) -> list[dict[str, Any]]:
-        """The nodes below a level's own, still without a place in the document."""
-        parts = []
-        if len(level.mesh.faces):
-            parts.append({"name": "branches", "mesh": self.mesh("branches", level.mesh, self.bark())})
-        if len(level.leaves) and instancing:
-            chosen = by_prototype(level.leaves, len(level.prototypes))
-            names = prototype_names(len(level.prototypes))
-            for name, leaf, which in zip(names, level.prototypes, chosen, strict=True):
-                if len(which):
-                    places = {INSTANCING: {"attributes": self.places(level.leaves, which)}}
-                    parts.append({"name": name, "mesh": self.mesh(name, leaf, self.leaf()), "extensions": places})
-        elif len(level.leaves):
-            flat = flat_leaves(level.leaves, level.prototypes)
-            parts.append({"name": "leaves", "mesh": self.mesh("leaves", flat, self.leaf())})
-        if len(level.cards.faces):
-            parts.append({"name": "leaf_cards", "mesh": self.mesh("leaf_cards", level.cards, self.cards())})
-        return parts
-
-    def places(self, leaves: Leaves, which: NDArray[np.int64]) -> dict[str, int]:
-        """Where the chosen leaves are, as the extension wants it: turns are i j k real in normalised shorts."""
-        turn = leaves.orientation[which][:, [1, 2, 3, 0]]
-        size = np.repeat(leaves.size[which, None], 3, axis=1)
-        return {
-            "TRANSLATION": self.document.accessor(leaves.position[which].astype(np.float32), bounds=True),
-            "ROTATION": self.document.accessor(np.round(turn * 32767).astype(np.int16), normalized=True),
-            "SCALE": self.document.accessor(size.astype(np.float32)),
-        }
-
-    def mesh(self, name: str, mesh: Mesh | LeafPrototype, material: int) -> int:
-        """Store triangles; glTF's v runs downward."""
-        add = self.document.accessor
-        kind = np.uint16 if len(mesh.points) <= MOST_INDEX_16 + 1 else np.uint32
-        uv = np.column_stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]])
-        primitive = {
-            "attributes": {
-                "POSITION": add(mesh.points.astype(np.float32), target=ARRAY_BUFFER, bounds=True),
-                "NORMAL": add(mesh.normals.astype(np.float32), target=ARRAY_BUFFER),
-                "TEXCOORD_0": add(uv.astype(np.float32), target=ARRAY_BUFFER),
-            },
-            "indices": add(mesh.faces.astype(kind).ravel(), target=ELEMENT_ARRAY_BUFFER),
-            "material": material,
-        }
-        return self.document.add("meshes", name=name, primitives=[primitive])
-
-    def bark(self) -> int:
-        """The wood's material."""
-        rgb = self.tree.model.bark.rgb
-        if self.tree.has_plain_bark:
-            colour = [*linear_from_srgb(rgb[0, 0] / 255).tolist(), 1.0]
-            surface: dict[str, Any] = {"baseColorFactor": colour}
-        else:
-            surface = {"baseColorTexture": {"index": self.texture("bark", rgb, REPEAT)}}
-        surface |= {"metallicFactor": 0.0, "roughnessFactor": BARK_ROUGHNESS}
-        return self.document.add("materials", name="bark", pbrMetallicRoughness=surface)
-
-    def leaf(self) -> int:
-        """The leaves' material."""
-        return self.cut_out("leaf", self.tree.model.atlas.rgba)
-
-    def cards(self) -> int:
-        """The cards' material."""
-        assert self.tree.card_rgba is not None  # Subject has seen to it
-        return self.cut_out("leaf_cards", self.tree.card_rgba)
-
-    def cut_out(self, name: str, rgba: NDArray[np.uint8]) -> int:
-        """A material that is there where its picture's alpha says so."""
-        surface = {
-            "baseColorTexture": {"index": self.texture(name, rgba, CLAMP_TO_EDGE)},
-            "metallicFactor": 0.0,
-            "roughnessFactor": LEAF_ROUGHNESS,
-        }
-        return self.document.add(
-            "materials",
-            name=name,
-            pbrMetallicRoughness=surface,
-            alphaMode="MASK",
-            alphaCutoff=OPACITY_THRESHOLD,
-            doubleSided=True,
-        )
-
-    def texture(self, name: str, image: NDArray[np.uint8], wrap: int) -> int:
-        """A picture (H, W, 3 or 4) inside the file."""
-        add = self.document.add
-        view = self.document.view(png_bytes(image))
-        source = add("images", name=name, mimeType="image/png", bufferView=view)
-        sampler = add("samplers", magFilter=LINEAR, minFilter=LINEAR_MIPMAP_LINEAR, wrapS=wrap, wrapT=wrap)
-        return add("textures", name=name, sampler=sampler, source=source)
+def stand_together(tree: GltfTree, name: str, standing: Places) -> int:
+    """Add the nodes of all standings of one tree's finest level, give the index of their root."""
+    children = []
+    for part in tree.levels[0]:
+        places = standing if part.places is None else standing.of(part.places)
+        extensions = instanced(tree.document, places)
+        children.append(tree.document.add("nodes", name=part.name, mesh=part.mesh, extensions=extensions))
+    return tree.document.add("nodes", name=name, children=children, extras={"forestgen": tree.provenance})
 
 
 def screen_coverage(levels: Sequence[Level]) -> list[float]:
@@ -203,6 +128,16 @@ def screen_coverage(levels: Sequence[Level]) -> list[float]:
     As shares of the screen's rows: the extension does not say shares of what, and UnityGLTF reads heights.
     """
     return [*(level.switch_px / SCREEN_PX for level in levels[1:]), 0.0]
+
+
+def _require_few(trees: Mapping[str, Subject], kinds: Mapping[str, Places], path: Path, instancing: bool) -> None:
+    """Refuse a forest whose leaves are too many, one by one, for a file."""
+    n_leaves = sum(len(places) * len(trees[name].levels[0].leaves) for name, places in kinds.items() if len(places))
+    if instancing and n_leaves > MOST_INSTANCES:
+        raise InputError(
+            f"{path}: {n_leaves:,} leaves are too many for one file (at most {MOST_INSTANCES:,});"
+            " export a coarser level of detail, such as that of cards, or leaves as meshes (no instancing)"
+        )
 
 
 def _write(document: Document, roots: list[int], path: Path) -> Path:

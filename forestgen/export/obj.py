@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.export.leaf_places import by_prototype, flat_leaves
+from forestgen.export.places import flat_leaves, leaf_places
 from forestgen.export.subject import Subject, png_bytes, require_target
 from forestgen.scene.names import identifier
 from forestgen.staging import install, staging
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
-from forestgen.usd.materials import linear_from_srgb
+from forestgen.tree.srgb import linear_from_srgb
 
 
 def write_obj(model: TreeModel, level: Level, path: Path, *, card_rgba: NDArray[np.uint8] | None = None) -> Path:
@@ -71,7 +71,7 @@ def _lines(level: Level, stem: str) -> Iterator[str]:
 def _uv_faces(leaves: Leaves, prototypes: Sequence[LeafPrototype]) -> NDArray[np.int64]:
     """Corners (F, 3) of the flat leaves' triangles among the prototypes' texture coordinates."""
     first = np.cumsum([0, *(len(leaf.uv) for leaf in prototypes)])
-    counts = [len(chosen) for chosen in by_prototype(leaves, len(prototypes))]
+    counts = [len(places) for places in leaf_places(leaves, len(prototypes))]
     return np.concatenate([np.tile(leaf.faces + first[k], (counts[k], 1)) for k, leaf in enumerate(prototypes)])
 
 

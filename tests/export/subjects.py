@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.export.subject import Subject
 from forestgen.reference import write_provenance
 from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level, full_level
 from forestgen.tree.model import Leaves, Mesh, TreeModel
+from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.usd.models import box_mesh, random_leaves, tree_model
 
@@ -80,3 +82,8 @@ def write_tree(model: TreeModel, folder: Path) -> Path:
     write_tree_asset(model, folder, Extras(levels_of(model)[1:], CARD_RGBA))
     write_provenance(model, folder / "reference")
     return folder
+
+
+def read_subject(folder: Path) -> Subject:
+    """A written tree, ready to be exported."""
+    return Subject(read_model(folder), read_levels(folder), read_card_atlas(folder))

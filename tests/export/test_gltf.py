@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from forestgen.errors import InputError
+from forestgen.export import gltf
 from forestgen.export.gltf import INSTANCING, LOD, write_glb, write_scene_glb
-from forestgen.export.leaf_places import flat_leaves
+from forestgen.export.places import flat_leaves
 from forestgen.export.subject import Subject
 from forestgen.scene.forest import Forest
 from forestgen.tree.level import EMPTY_MESH, Level, full_level
@@ -186,6 +188,41 @@ def test_a_scene_holds_each_tree_once(tmp_path: Path) -> None:
     assert coarser["translation"] == roots[2]["translation"], "a coarser level stands where its tree does"
 
 
+def test_a_wood_is_instances_of_each_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where more stand than may have nodes of their own: all standings of a part in one node."""
+    monkeypatch.setattr(gltf, "MOST_STANDING", 4)
+    model, n = oak(), 5
+    rng = np.random.default_rng(8)
+    forest = Forest(
+        prototypes=("oak", "unused"),
+        names=tuple(f"oak_{k}" for k in range(n)),
+        prototype=np.zeros(n, int),
+        position=rng.normal(size=(n, 3)),
+        yaw=rng.uniform(0, 6, n),
+        scale=rng.uniform(0.5, 2, n),
+    )
+    glb = Glb(write_scene_glb({"oak": Subject(model, levels_of(model), CARD_RGBA)}, forest, tmp_path / "wood.glb"))
+    assert [node["name"] for node in glb.json["nodes"]] == ["branches", "leaf_00", "leaf_01", "leaf_02", "oak"]
+    found = np.concatenate([matrices(glb, f"leaf_{k:02d}") for k in range(3)])
+    trees = matrices(glb, "branches")
+    assert_allclose(trees[:, :3, 3], forest.position, atol=1e-6)
+    alone = Glb(write_glb(model, [full_level(model)], tmp_path / "oak.glb"))
+    expected = np.concatenate([trees[:, None] @ matrices(alone, f"leaf_{k:02d}") for k in range(3)], axis=1)
+    order = np.lexsort(found[:, :3, 3].round(3).T)
+    expected = expected.reshape(-1, 4, 4)
+    assert_allclose(found[order], expected[np.lexsort(expected[:, :3, 3].round(3).T)], atol=2e-4)
+
+
+def matrices(glb: Glb, name: str) -> NDArray[np.float64]:
+    """A node's instances (K, 4, 4), for column vectors."""
+    attributes = glb.node(name)["extensions"][INSTANCING]["attributes"]
+    place = np.tile(np.eye(4), (len(glb.array(attributes["SCALE"])), 1, 1))
+    turn = Rotation.from_quat(glb.array(attributes["ROTATION"])).as_matrix()
+    place[:, :3, :3] = turn * glb.array(attributes["SCALE"])[:, None]
+    place[:, :3, 3] = glb.array(attributes["TRANSLATION"])
+    return place
+
+
 class TestRefused:
     """Each with its reason; nothing is left behind."""
 
@@ -238,6 +275,17 @@ class TestRefused:
         forest = Forest(("elm",), ("elm",), np.zeros(1, int), np.zeros((1, 3)), np.zeros(1), np.ones(1))
         with pytest.raises(InputError, match="there is no tree 'elm' to place"):
             write_scene_glb({}, forest, self.folder / "wood.glb")
+
+
+def test_too_many_leaves_for_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gltf, "MOST_STANDING", 1)
+    monkeypatch.setattr(gltf, "MOST_INSTANCES", 99)
+    forest = Forest(("oak",), ("a", "b"), np.zeros(2, int), np.zeros((2, 3)), np.zeros(2), np.ones(2))
+    trees = {"oak": Subject(oak(), (full_level(oak()),))}
+    with pytest.raises(InputError, match=r"100 leaves are too many for one file \(at most 99\)"):
+        write_scene_glb(trees, forest, tmp_path / "wood.glb")
+    flat = Glb(write_scene_glb(trees, forest, tmp_path / "wood.glb", instancing=False))
+    assert [len(matrices(flat, name)) for name in ("branches", "leaves")] == [2, 2]
 
 
 def test_an_earlier_file_stays_where_the_new_one_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

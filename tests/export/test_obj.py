@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from forestgen.errors import InputError
-from forestgen.export.leaf_places import flat_leaves
 from forestgen.export.obj import write_obj
+from forestgen.export.places import flat_leaves
 from forestgen.tree.level import full_level
 from forestgen.tree.model import Bark, Mesh
 from tests.export.subjects import CARD_RGBA, levels_of, oak, without_atlas

@@ -58,16 +58,19 @@ def job(file: Path, camera: Camera, *, look: str = "flat", level: int = 0) -> di
 
 
 def show(jobs: Sequence[dict[str, Any]], folder: Path) -> list[tuple[dict[str, Any], NDArray[np.float64]]]:
-    """For each job what three.js counted, and its picture: RGBA (H, W, 4) in [0, 1], straight alpha."""
+    """For each job what three.js counted, and its picture: premultiplied RGBA (H, W, 4) in [0, 1]."""
     require("three", "playwright-core", browser=True)
     pictures = [folder / f"{k:02d}.png" for k in range(len(jobs))]
     plan = folder / "jobs.json"
     plan.write_text(json.dumps([{**one, "picture": str(path)} for one, path in zip(jobs, pictures, strict=True)]))
     found = node("three_shows.mjs", plan)
-    return [(counts, _read(path)) for counts, path in zip(found, pictures, strict=True)]
+    sizes = [one["camera"]["size"] for one in jobs]
+    return [(counts, _read(path, size)) for counts, path, size in zip(found, pictures, sizes, strict=True)]
 
 
-def _read(path: Path) -> NDArray[np.float64]:
+def _read(path: Path, size: tuple[int, int]) -> NDArray[np.float64]:
     picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert picture is not None
-    return np.asarray(picture[..., [2, 1, 0, 3]] / 255.0)
+    rgba = np.asarray(picture[..., [2, 1, 0, 3]] / 255.0)
+    rgba[..., :3] *= rgba[..., 3:]
+    return cv2.resize(rgba, size, interpolation=cv2.INTER_AREA)
