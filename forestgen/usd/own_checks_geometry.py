@@ -157,7 +157,8 @@ def _length(values: Values, name: str) -> int:
     array = values.array(name)
     if array is not None:
         return len(array)
-    return len(values.prim.GetAttribute(name).Get(values.time) or [])  # strings and tokens
+    value = values.prim.GetAttribute(name).Get(values.time)  # strings and tokens
+    return len(value) if hasattr(value, "__len__") else 0
 
 
 def _schema_primvars(values: Values) -> Iterator[tuple[str, str]]:

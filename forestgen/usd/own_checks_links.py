@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdShade
 from forestgen.usd.finding import Finding, own_finding
 from forestgen.usd.own_checks_values import Values
 
-ABSOLUTE = re.compile(r"^(/|\\|[A-Za-z]:[\\/]|[A-Za-z][A-Za-z0-9+.-]+:)")  # of Unix, of Windows, or an address
+ABSOLUTE = re.compile(r"^(/|\\|[A-Za-z]:[\\/]|[A-Za-z][A-Za-z0-9+.-]*://)")  # of Unix, of Windows, or an address
 GONE = " is not there"
 PACKAGED = re.compile(r"^(.*?\.usdz)\[")
 
@@ -24,7 +24,9 @@ def assets(values: Values) -> Iterator[Finding]:
     """
     for attribute in values.prim.GetAuthoredAttributes():
         kind = attribute.GetTypeName()
-        if kind not in (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray) or attribute.GetNamespace() == "info":
+        if kind not in (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray) or attribute.GetName().startswith(
+            "info:"
+        ):
             continue
         named = [attribute.Get(time) for time in values.times()]
         if kind == Sdf.ValueTypeNames.AssetArray:
@@ -41,7 +43,7 @@ def _asset(attribute: Usd.Attribute, asset: Sdf.AssetPath, layer: Sdf.Layer | No
         yield own_finding("AssetMissing", place, asset.path + GONE)
     if ABSOLUTE.match(asset.path):
         yield own_finding("AssetAbsolute", place, f"{asset.path} is no relative path")
-    elif found and layer and not _is_inside(found, attribute.GetStage().GetRootLayer(), layer):
+    elif asset.resolvedPath and layer and not _is_inside(found, attribute.GetStage().GetRootLayer(), layer):
         yield own_finding("AssetOutside", place, f"{asset.path} lies outside the asset's folder")
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
 from forestgen.usd.finding import Finding, own_finding
 
@@ -15,7 +15,9 @@ NUMBERS = ("points", "normals", "widths", "positions", "scales", "orientations",
 RATES = ("velocities", "accelerations", "angularVelocities")
 SCALARS = ("inputs:", "xformOp:", "primvars:")  # attributes of these names are to be finite too
 FLOATS = ("half", "float", "double", "vector", "point", "normal", "color", "quat", "matrix", "texCoord", "frame")
-MIGHT_CHANGE_SHAPE = ("faceVertexCounts", "faceVertexIndices", "curveVertexCounts", "protoIndices", "ids")
+MIGHT_CHANGE_SHAPE = (
+    "faceVertexCounts", "faceVertexIndices", "tetVertexIndices", "curveVertexCounts", "protoIndices", "ids",
+)  # fmt: skip
 
 Array = NDArray  # type: ignore[type-arg]  # of whatever numbers the attribute holds
 
@@ -40,6 +42,10 @@ class Values:
     def varies(self, *names: str) -> bool:
         """Whether one of the attributes has time samples."""
         return any(name in self.samples for name in names)
+
+    def is_between(self, name: str) -> bool:
+        """Whether an attribute's value at the time is blended from its samples, none of which is there."""
+        return name in self.samples and self.time.GetValue() not in self.samples[name]
 
     def array(self, name: str, width: int = 0) -> Array | None:
         """The values (N,), or (N, width), at the time; None where there are none, or no array of numbers."""
@@ -91,8 +97,8 @@ def _numbers(value: Any) -> Array:
 
 
 def sample_lengths(values: Values) -> Iterator[Finding]:
-    """The time samples of an array are equally long, unless the topology is sampled too."""
-    if values.varies(*MIGHT_CHANGE_SHAPE):
+    """The time samples of an array are equally long, unless the topology is sampled too; particles may come and go."""
+    if values.varies(*MIGHT_CHANGE_SHAPE) or values.prim.IsA(UsdGeom.Points):
         return
     for attribute in values.prim.GetAuthoredAttributes():
         name = attribute.GetName()
