@@ -13,7 +13,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pxr import Sdf, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from forestgen.usd.component import define_component
 from forestgen.usd.composed import Composed
@@ -42,8 +42,12 @@ def write_blender(tree: Path, folder: Path, variants: Mapping[str, str], level: 
         stage.SetEndTimeCode(composed.stage.GetEndTimeCode())
         stage.SetTimeCodesPerSecond(composed.stage.GetTimeCodesPerSecond())
         stage.SetFramesPerSecond(composed.stage.GetFramesPerSecond())
-    UsdGeom.ModelAPI.Apply(root)
-    Sdf.CopySpec(layer, path.AppendProperty(HINT), stage.GetRootLayer(), path.AppendProperty(HINT))
+    hint = UsdGeom.ModelAPI.Apply(root)
+    if composed.root.GetAttribute(HINT).GetNumTimeSamples():
+        Sdf.CopySpec(layer, path.AppendProperty(HINT), stage.GetRootLayer(), path.AppendProperty(HINT))
+    else:  # that of the source is wide enough for all levels
+        boxes = UsdGeom.BBoxCache(Usd.TimeCode.Default(), UsdGeom.Imageable.GetOrderedPurposeTokens())
+        hint.SetExtentsHint(UsdGeom.ModelAPI(composed.root).ComputeExtentsHint(boxes))
     stage.GetRootLayer().GetPrimAtPath(path).payloadList.Prepend(Sdf.Payload("./payload.usdc"))
 
     _strip(layer, path)

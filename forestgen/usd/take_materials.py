@@ -37,31 +37,41 @@ def take_material(
 
 
 def keep_surface(material: Sdf.PrimSpec, *, is_strict: bool = False) -> None:
-    """Take away from a material all that its surface output does not read."""
+    """Take away from a material all nodes, inputs and outputs that its surface output does not read.
+
+    Raises:
+        InputError: it has no such output, so no UsdPreviewSurface.
+    """
+    if SURFACE not in material.properties:
+        raise InputError(f"{material.path}: has no {SURFACE}, so nothing that every reader draws: build the tree again")
     layer = material.layer
-    for name in list(material.properties.keys()):
-        if name.startswith("outputs:") and name != SURFACE:
-            material.RemoveProperty(material.properties[name])
-    reached: set[Sdf.Path] = set()
+    nodes: set[Sdf.Path] = set()
+    read: set[Sdf.Path] = set()
     waiting = [material.path.AppendProperty(SURFACE)]
     while waiting:
         attribute = layer.GetAttributeAtPath(waiting.pop())
-        if attribute is None:
+        if attribute is None or attribute.path in read:
             continue
+        read.add(attribute.path)
         for source in attribute.connectionPathList.GetAddedOrExplicitItems():
-            prim = source.GetPrimPath()
-            if prim not in reached and prim != material.path:
-                reached.add(prim)
-                waiting += [one.path for one in layer.GetPrimAtPath(prim).attributes]
-    for node in list(material.nameChildren):
-        if not any(path.HasPrefix(node.path) for path in reached):
-            del material.nameChildren[node.name]
+            node = layer.GetPrimAtPath(source.GetPrimPath())
+            if node == material:
+                waiting.append(source)
+            elif node:
+                nodes.add(node.path)
+                waiting += [one.path for one in node.attributes]
+    for name in list(material.properties.keys()):
+        if name.startswith(("inputs:", "outputs:")) and material.path.AppendProperty(name) not in read:
+            material.RemoveProperty(material.properties[name])
+    for child in list(material.nameChildren):
+        if not any(path.HasPrefix(child.path) for path in nodes):
+            del material.nameChildren[child.name]
     if is_strict:
-        for path in reached:
-            prim = layer.GetPrimAtPath(path)
+        for path in sorted(nodes):
+            node = layer.GetPrimAtPath(path)
             for name in NEW_INPUTS:
-                if name in prim.properties:
-                    prim.RemoveProperty(prim.properties[name])
+                if name in node.properties:
+                    node.RemoveProperty(node.properties[name])
 
 
 def move_pictures(layer: Sdf.Layer, root: Sdf.Path, folder: str) -> dict[str, Path]:

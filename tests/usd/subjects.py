@@ -85,6 +85,8 @@ def levels(model: TreeModel) -> Extras:
             Level(box_mesh(0.2, 2.0), NO_LEAVES, (), cards, 100.0),
         ),
         card_atlas=np.full((8, 8, 4), 200, np.uint8),
+        wind=True,
+        guides=True,
     )
 
 
