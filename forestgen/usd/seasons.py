@@ -1,7 +1,7 @@
 """Seasons of a tree as variants of its root prim: other pictures, leaves that have fallen, bare wood.
 
     variant set season    photo (default): as photographed
-                          summer, autumn: other leaf pictures; fallen leaves are invisibleIds of each level's leaves
+                          summer, autumn: other leaf pictures; payload autumn.usdc: invisibleIds of fallen leaves
                           winter: no leaves (inactive), cards of wood; an evergreen has a darker picture instead
 
 A picture is named where the preview surface reads it and, for the OpenPBR look, at the material's own input.
@@ -19,6 +19,7 @@ from pxr import Sdf, Usd, Vt
 from forestgen.tree.level import Level
 from forestgen.tree.seasons import SEASONS, Season
 from forestgen.usd.geometry import Box, box_of, instances_box, vec3f
+from forestgen.usd.layers import new_stage
 from forestgen.usd.lights import TEXTURE, TEXTURE_DELIT
 from forestgen.usd.looks import PICTURE, PICTURE_DELIT
 from forestgen.usd.specs import add_strongest_set, attribute, over
@@ -49,8 +50,11 @@ class Dress:
     has_openpbr: bool = False  # whether the tree has that look
 
 
-def define_seasons(root: Usd.Prim, looks: Mapping[Season, SeasonLook], dress: Dress) -> None:
+def define_seasons(root: Usd.Prim, looks: Mapping[Season, SeasonLook], dress: Dress) -> dict[str, Sdf.Layer]:
     """Author the variant set on a tree's root prim, before its other sets; `photo` is selected.
+
+    Gives the layers that its variants bring as payloads, by file name, to be saved beside the tree's other layers:
+    which leaves have fallen is too much for a layer of text.
 
     Raises:
         ValueError: no photo among the looks, or one names a season, level, leaf or material that is not there;
@@ -62,8 +66,13 @@ def define_seasons(root: Usd.Prim, looks: Mapping[Season, SeasonLook], dress: Dr
     for season, look in looks.items():
         _check(f"{where}: season {season!r}", season, look, dress)
     inside = add_strongest_set(root, SEASON_SET, sorted(looks, key=SEASONS.index))
+    layers = {}
     for season, look in looks.items():
         _author(inside[season], look, dress)
+        if any(len(gone) for gone in look.fallen.values()):
+            layers[f"{season}.usdc"] = _fallen_layer(root.GetName(), look, dress)
+            inside[season].payloadList.Prepend(Sdf.Payload(f"./{season}.usdc"))
+    return layers
 
 
 def _check(where: str, season: str, look: SeasonLook, dress: Dress) -> None:
@@ -93,16 +102,24 @@ def _author(root: Sdf.PrimSpec, look: SeasonLook, dress: Dress) -> None:
     for name, picture in sorted(look.attributes.items()):
         _name_picture(root, name, picture)
     for name, level in sorted(dress.levels.items()):
-        gone = look.fallen.get(name, np.zeros(0, np.int64))
         if look.is_bare and len(level.leaves):
             over(root, f"geo/{name}/leaves").active = False
-        elif len(gone) == len(level.leaves) and len(gone):
-            over(root, f"geo/{name}/leaves").active = False  # an instancer that shows nothing has no extent
+
+
+def _fallen_layer(tree: str, look: SeasonLook, dress: Dress) -> Sdf.Layer:
+    """The layer that hides the fallen leaves of each level; one that loses all of them is inactive."""
+    layer = new_stage(tree).GetRootLayer()
+    root = Sdf.CreatePrimInLayer(layer, f"/{tree}")
+    for name, gone in sorted(look.fallen.items()):
+        leaves = over(root, f"geo/{name}/leaves")
+        if len(gone) == len(dress.levels[name].leaves):
+            leaves.active = False  # an instancer that shows nothing has no extent
         elif len(gone):
-            leaves = over(root, f"geo/{name}/leaves")
             ids = Vt.Int64Array.FromNumpy(np.ascontiguousarray(gone, np.int64))
             attribute(leaves, "invisibleIds", Sdf.ValueTypeNames.Int64Array).default = ids
-            attribute(leaves, "extent", Sdf.ValueTypeNames.Float3Array).default = vec3f(_kept_box(level, gone))
+            box = vec3f(_kept_box(dress.levels[name], gone))
+            attribute(leaves, "extent", Sdf.ValueTypeNames.Float3Array).default = box
+    return layer
 
 
 def _name_picture(spec: Sdf.PrimSpec, name: str, picture: str) -> None:
