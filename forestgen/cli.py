@@ -176,6 +176,34 @@ def summary(outs: Annotated[list[Path], typer.Argument(help="Folders that builds
 
 
 @app.command()
+def export(
+    source: Annotated[Path, typer.Argument(help="A tree, OUT/trees/NAME, or a whole build, OUT.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.")],
+    profile: Annotated[str, typer.Option(help="usd, blender, web, arkit, unreal, glb or obj.")] = "usd",
+    level: Annotated[int | None, typer.Option(help="Level of detail where one is held; 0 is finest.")] = None,
+    max_triangles: Annotated[int | None, typer.Option(help="Most triangles of the finest level.")] = None,
+    max_instances: Annotated[int | None, typer.Option(help="Most leaves of the finest level.")] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="SET=VARIANT to select first, such as season=autumn; may be repeated.")
+    ] = None,
+    instancing: Annotated[bool, typer.Option(help="glb: keep leaves as instances.")] = True,
+    rig: Annotated[bool, typer.Option("--rig", help="usd: a skinned tree beside it.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a written tree or scene over for one kind of reader."""
+    from forestgen.exporting import Wishes, export, parse_variants
+
+    wishes = Wishes(level, max_triangles, max_instances, parse_variants(variant or []), instancing, rig)
+    files = export(source, out, profile, wishes)
+    if as_json:
+        print(json.dumps([str(file) for file in files], indent=1))
+    elif not quiet:
+        for file in files:
+            print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
+
+
+@app.command()
 def validate(
     file: Annotated[Path, typer.Argument(help="Any USD file.")],
     as_json: Json = False,

@@ -19,10 +19,12 @@ from forestgen.build_record import (
     write_seconds,
 )
 from forestgen.errors import InputError, RenderError, StageError
+from forestgen.finishing import finish
 from forestgen.scene.forest import place
 from forestgen.scene.manifest import Scene, TreeSpec, ViewSpec
 from forestgen.staging import install, staging
 from forestgen.tree.build import OnStage, Source, build_tree
+from forestgen.tree.extras import Extras
 from forestgen.tree.methods import STAGES
 from forestgen.tree.model import TreeModel
 from forestgen.tree.photo import load_photo
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from forestgen.check.report import TreeReport
     from forestgen.usd.forest_scene import Instancing
 
-STEPS = (*STAGES, "write", "check")  # what progress counts, for each tree
+STEPS = (*STAGES, "levels", "write", "check")  # what progress counts, for each tree
 
 
 def load_source(view: ViewSpec) -> Source:
@@ -81,21 +83,21 @@ def write_tree(model: TreeModel, prim_name: str, trees: Path) -> Path:
         OSError: it could not be written; what was there before stays.
     """
     with staging(trees) as work:
-        _write_tree(model, work / prim_name)
+        _write_tree(model, work / prim_name, finish(model))
         install(work, trees, [prim_name])
     return trees / prim_name
 
 
-def _write_tree(model: TreeModel, folder: Path) -> None:
+def _write_tree(model: TreeModel, folder: Path, extras: Extras) -> None:
     """Write layers, textures and reference into a new folder; layers and prims are named after it."""
     from forestgen.reference import write_provenance, write_reference
     from forestgen.usd.cameras import write_cameras
     from forestgen.usd.tree_asset import write_tree_asset
 
     folder.mkdir(parents=True)
-    write_tree_asset(model, folder)
+    write_tree_asset(model, folder, extras)
     write_cameras(model, folder)
-    write_provenance(model, folder / "reference")
+    write_provenance(replace(model, notes=(*model.notes, *extras.notes)), folder / "reference")
     for index, view in enumerate(model.views):
         write_reference(view, folder / "reference" / f"view_{index:02d}")
 
@@ -114,10 +116,13 @@ def _build_job(job: _Job, on_stage: OnStage) -> dict[str, float]:
         model = build_model(job.tree, on_stage)
     except MemoryError as error:
         raise StageError("there is too little memory for it: use a smaller photo, or fewer --jobs") from error
-    on_stage("write", 0, 0)
+    on_stage("levels", 0, 0)
     start = perf_counter()
-    _write_tree(model, job.trees / job.tree.prim_name)
-    return {**model.seconds, "write": perf_counter() - start}
+    extras = finish(model)
+    on_stage("write", 0, 0)
+    finished = perf_counter()
+    _write_tree(model, job.trees / job.tree.prim_name, extras)
+    return {**model.seconds, "levels": finished - start, "write": perf_counter() - finished}
 
 
 def build_scene(

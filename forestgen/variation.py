@@ -21,6 +21,7 @@ import numpy as np
 from forestgen.build_record import BUILD
 from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture, write_png
 from forestgen.errors import InputError, RenderError, StageError
+from forestgen.finishing import finish
 from forestgen.reference import Provenance, read_provenance, read_views, write_provenance
 from forestgen.render import Studio, frame_camera
 from forestgen.scene.folder_settings import located
@@ -34,7 +35,7 @@ from forestgen.tree.view import View
 from forestgen.workers import OnProgress, run_parallel
 
 VARIATIONS, SHEET = "variations", "contact_sheet.png"
-STEPS = (*STAGES, "write")  # what progress counts, for each seed
+STEPS = (*STAGES, "levels", "write")  # what progress counts, for each seed
 PORTRAIT = (360, 420)  # px
 SIDES = (0.0, 60.0)  # degrees: as in the first photo, where all seeds look alike, and from where no photo shows them
 CAPTION = 34  # px below a portrait
@@ -176,9 +177,11 @@ def _grow_job(job: _Job, on_stage: OnStage) -> dict[str, int]:
         model = regrown(read_views(job.tree / "reference"), job.method, provenance, job.seed, on_stage)
     except MemoryError as error:
         raise StageError("there is too little memory for it: use fewer --jobs") from error
+    on_stage("levels", 0, 0)
+    extras = finish(model)
     on_stage("write", 0, 0)
     job.folder.mkdir(parents=True)
-    write_tree_asset(model, job.folder)
+    write_tree_asset(model, job.folder, extras)
     write_provenance(model, job.folder / "reference")
     branches = int(np.count_nonzero(n_children(model.skeleton.parent) == 0))
     return {"branches": branches, "leaves": len(model.leaves)}

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 from forestgen.arrays import freeze
 from forestgen.tree.level import Level
 
+NO_CARDS = np.zeros((1, 1, 4), np.uint8)
+
 
 @dataclass(frozen=True, eq=False)
 class Extras:
     """What to write beside the tree. Each level serves smaller sizes on the screen than the one before."""
 
     levels: tuple[Level, ...] = ()  # those after the full one
-    card_atlas: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1, 1, 4), np.uint8))  # (H, W, 4) sRGB
+    card_atlas: NDArray[np.uint8] = field(default_factory=lambda: NO_CARDS)  # (H, W, 4) sRGB
     wind: bool = False  # primvars for shaders that bend branches
     guides: bool = False  # the skeleton as curves and JSON, and capsules to collide with
+    notes: tuple[str, ...] = ()  # what could not be made, for the user
 
     def __post_init__(self) -> None:
         freeze(self, card_atlas=(np.uint8, "H", "W", 4))
