@@ -110,12 +110,12 @@ def assert_agree(theirs: dict[str, Any], ours: dict[str, dict[str, Any]], rtol: 
                 np.testing.assert_allclose(yours[key], mine[key], rtol=rtol, atol=atol, err_msg=f"{path} {name} {key}")
 
 
-def camera_of(path: Path, share: float) -> Camera:
-    """The first camera of a `cameras.usda`, an orthographic one, its picture `share` of the photo's size."""
+def camera_of(path: Path) -> Camera:
+    """The first camera of a `cameras.usda`, an orthographic one, as it is written."""
     stage = Usd.Stage.Open(os.fspath(path))
     prim = next(prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera))
     pose = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim)).T
-    size = np.round(np.array(prim.GetCustomDataByKey("forestgen:size_px")) * share)
+    size = np.array(prim.GetCustomDataByKey("forestgen:size_px"))
     scale = size[0] / (prim.GetAttribute("horizontalAperture").Get() * 0.1)  # pixels a metre
     right, up, back = pose[:3, :3].T
     root = size / 2 - np.array([pose[:3, 3] @ right, pose[:3, 3] @ up]) * scale * [1, -1]
