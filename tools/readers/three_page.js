@@ -100,10 +100,9 @@ window.show = async ({ url, level, camera, look }) => {
     one.castShadow = one.receiveShadow = true;
     if (look === 'flat') one.material = Array.isArray(one.material) ? one.material.map(flat) : flat(one.material);
   });
-  // Flat ones twice as large, for four samples a pixel that are each shaded by themselves: with antialiasing a
-  // pixel's texels are tested once, at its centre, and leaves lose what of their edge lies beyond.
+  // Flat, each pixel is one sample. Antialiasing tests a pixel's texels once, at its centre: leaves lose what of
+  // their edge lies beyond, so who measures takes a finer camera instead.
   const renderer = new THREE.WebGLRenderer({ antialias: look !== 'flat', alpha: true, preserveDrawingBuffer: true });
-  renderer.setPixelRatio(look === 'flat' ? 2 : 1);
   renderer.setSize(...camera.size, false);
   renderer.setClearColor(0, 0);
   if (look !== 'flat') {

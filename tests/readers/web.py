@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from forestgen.camera import Camera
 
 READERS = Path(__file__).parents[2] / "tools" / "readers"
+FINER = 4  # three.js draws so many times the pixels each way, one sample each: as many as our own picture has
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -46,12 +47,12 @@ def validate(paths: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def job(file: Path, camera: Camera, *, look: str = "flat", level: int = 0) -> dict[str, Any]:
-    """A file to draw through an orthographic camera of ours."""
+    """A file to draw through an orthographic camera of ours, FINER times as finely."""
     assert camera.focal_px is None
     through = {
-        "size": camera.size,
-        "root_px": camera.root_px,
-        "px_per_metre": camera.px_per_metre,
+        "size": [FINER * side for side in camera.size],
+        "root_px": [FINER * place for place in camera.root_px],
+        "px_per_metre": FINER * camera.px_per_metre,
         "axes": camera.axes.tolist(),
     }
     return {"file": str(file), "camera": through, "look": look, "level": level}
@@ -64,13 +65,13 @@ def show(jobs: Sequence[dict[str, Any]], folder: Path) -> list[tuple[dict[str, A
     plan = folder / "jobs.json"
     plan.write_text(json.dumps([{**one, "picture": str(path)} for one, path in zip(jobs, pictures, strict=True)]))
     found = node("three_shows.mjs", plan)
-    sizes = [one["camera"]["size"] for one in jobs]
-    return [(counts, _read(path, size)) for counts, path, size in zip(found, pictures, sizes, strict=True)]
+    return [(counts, _read(path)) for counts, path in zip(found, pictures, strict=True)]
 
 
-def _read(path: Path, size: tuple[int, int]) -> NDArray[np.float64]:
+def _read(path: Path) -> NDArray[np.float64]:
     picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert picture is not None
     rgba = np.asarray(picture[..., [2, 1, 0, 3]] / 255.0)
     rgba[..., :3] *= rgba[..., 3:]
-    return cv2.resize(rgba, size, interpolation=cv2.INTER_AREA)
+    height, width = rgba.shape[:2]
+    return rgba.reshape(height // FINER, FINER, width // FINER, FINER, 4).mean(axis=(1, 3))

@@ -1,4 +1,4 @@
-"""Strangers read what we export: the Khronos validator finds nothing, three.js draws what our own renderer draws."""
+"""Strangers on the web: the Khronos validator finds nothing in our GLB, three.js draws what our renderer draws."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ from forestgen.usd.composed import Composed
 from forestgen.usd.profiles import write_profile
 from tests.export.glb_reader import Glb
 from tests.export.subjects import leafy_levels, leafy_oak, read_subject, write_tree
-from tests.export.web import job, show, validate
+from tests.readers.strangers import camera_of, iou, our_mask
+from tests.readers.test_samples import OUT, SHARE, TREES
+from tests.readers.web import job, show, validate
 from tests.usd.models import tree_model
 
 pytestmark = pytest.mark.gl
 
 SIZE = (360, 400)
-LEAST_IOU = 0.95
+EXPECTED_IOU = 0.95
 
 
 def forest() -> Forest:
@@ -130,16 +132,17 @@ def scene_camera() -> Camera:
     return Camera((480, 360), (260.0, 330.0), 55.0, np.radians(20), np.radians(15))
 
 
-def iou(picture: NDArray[np.floating[Any]], other: NDArray[np.floating[Any]]) -> float:
-    """Overlap over union of what is covered from one half on."""
-    a, b = picture[..., 3] >= 0.5, other[..., 3] >= 0.5
-    return float((a & b).sum() / (a | b).sum())
+def mask(picture: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """What is covered from one half on."""
+    return np.asarray(picture[..., 3] >= 0.5)
 
 
-def drawn(drawables: list[Drawable], camera: Camera) -> NDArray[np.float32]:
-    """Our own picture: premultiplied RGBA (H, W, 4)."""
+def colour_difference(theirs: NDArray[np.float64], drawables: list[Drawable], camera: Camera) -> float:
+    """How far sRGB values in [0, 1] lie apart on average, where both pictures are covered whole."""
     with Studio(drawables) as studio:
-        return studio.colour(camera)
+        ours = studio.colour(camera)
+    whole = (ours[..., 3] == 1) & (theirs[..., 3] == 1)
+    return float(np.abs(ours[whole] - theirs[whole])[:, :3].mean())
 
 
 def test_three_complains_of_nothing(shown: Shown) -> None:
@@ -190,16 +193,15 @@ def test_three_draws_what_we_draw(
     """The mask, and the textures' colours where both are covered whole."""
     composed = Composed(leafy / "oak.usda")
     composed.select_level(level)
-    ours, (_, theirs) = drawn(composed.drawables(), cameras[view]), shown[name]
-    assert iou(ours, theirs) >= LEAST_IOU
-    whole = (ours[..., 3] == 1) & (theirs[..., 3] == 1)
-    assert np.abs(ours[whole][:, :3] - theirs[whole][:, :3]).mean() < 0.04
+    drawables, (_, theirs) = composed.drawables(), shown[name]
+    assert iou(mask(theirs), our_mask(drawables, cameras[view])) >= EXPECTED_IOU
+    assert colour_difference(theirs, drawables, cameras[view]) < 0.04
 
 
 def test_three_lights_it(shown: Shown) -> None:
     """Lit, the same silhouette, but light and shade on it."""
     (_, flat), (_, lit) = shown["glb from a corner"], shown["glb lit"]
-    assert iou(flat, lit) >= LEAST_IOU
+    assert iou(mask(flat), mask(lit)) >= EXPECTED_IOU
     covered = flat[..., 3] == 1
     assert np.abs(flat[covered] - lit[covered]).mean() > 0.03
 
@@ -221,6 +223,30 @@ def test_each_tree_of_a_scene_stands_in_its_place(shown: Shown, leafy: Path) -> 
     standing += [
         Drawable(**{**vars(leaf), "transforms": (both @ leaf.transforms).reshape(-1, 4, 4)}) for leaf in leaves
     ]
-    ours = drawn(standing, scene_camera())
+    ours = our_mask(standing, scene_camera())
     for name in ("scene", "wood"):
-        assert iou(ours, shown[name][1]) >= LEAST_IOU
+        assert iou(mask(shown[name][1]), ours) >= EXPECTED_IOU
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not TREES, reason=f"nothing was built into {OUT.name}/: make readers, or make demo")
+@pytest.mark.parametrize("tree", TREES, ids=lambda tree: tree.name)
+def test_a_tree_from_a_photo(tree: Path, tmp_path: Path) -> None:
+    """The GLB, each level of detail in it, and the web profile."""
+    subject, path = read_subject(tree), tree / f"{tree.name}.usda"
+    glb = write_glb(subject.model, subject.levels, tmp_path / "tree.glb", card_rgba=subject.card_rgba)
+    (report,) = validate([glb])
+    assert (report["issues"]["numErrors"], report["issues"]["numWarnings"]) == (0, 0)
+
+    levels = [Composed(path) for _ in subject.levels]
+    for k, composed in enumerate(levels):
+        composed.select_level(k)
+    camera = camera_of(tree / "cameras.usda", SHARE)
+    jobs = [job(glb, camera, level=k) for k in range(len(levels))]
+    jobs.append(job(write_profile(tree, tmp_path / "web", "web", level=0), camera))
+    for (counts, picture), composed in zip(show(jobs, tmp_path), [*levels, levels[0]], strict=True):
+        drawables = composed.drawables()
+        assert counts["complaints"] == []
+        assert counts["triangles"] == sum(drawable.n_triangles for drawable in drawables)
+        assert iou(mask(picture), our_mask(drawables, camera)) >= EXPECTED_IOU
+        assert colour_difference(picture, drawables, camera) < 0.04
