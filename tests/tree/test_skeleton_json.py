@@ -19,7 +19,7 @@ def test_round_trip() -> None:
     skeleton = random_tree(300, rng=np.random.default_rng(1))
     back = skeleton_from_json(json.loads(json.dumps(skeleton_json(skeleton))), "tree.json")
     assert_array_equal(back.parent, skeleton.parent)
-    assert_allclose(back.position, skeleton.position, atol=6e-7)
+    assert_allclose(back.position, skeleton.position, atol=6e-6)
     assert_allclose(back.radius, skeleton.radius, atol=6e-7)
 
 
@@ -30,12 +30,11 @@ def test_nodes_say_where_they_belong() -> None:
     #   1
     #   0
     nodes = skeleton_json(fork())["nodes"]
-    assert [node["parent"] for node in nodes] == [None, 0, 1, 2, 3, 2, 5, 6]
-    assert [node["limb"] for node in nodes] == [0] * 5 + [1] * 3
-    assert [node["level"] for node in nodes] == [0] * 5 + [1] * 3
-    assert nodes[2]["children"] == [3, 5]
-    assert nodes[2]["position"] == [0.0, 2.0, 0.0]
-    assert nodes[7]["radius"] == 0.1
+    assert nodes["parent"] == [-1, 0, 1, 2, 3, 2, 5, 6]
+    assert nodes["limb"] == [0] * 5 + [1] * 3
+    assert nodes["level"] == [0] * 5 + [1] * 3
+    assert nodes["position"][2] == [0.0, 2.0, 0.0]
+    assert nodes["radius"][7] == 0.1
 
 
 def test_networkx_reads_it_in_three_lines(tmp_path: Path) -> None:
@@ -45,13 +44,16 @@ def test_networkx_reads_it_in_three_lines(tmp_path: Path) -> None:
     path.write_text(json.dumps(skeleton_json(skeleton)))
 
     nodes = json.loads(path.read_text())["nodes"]
-    graph = networkx.DiGraph((n["parent"], n["id"]) for n in nodes if n["parent"] is not None)
-    graph.add_nodes_from((n["id"], n) for n in nodes)
+    graph = networkx.DiGraph((above, node) for node, above in enumerate(nodes["parent"]) if above >= 0)
+    rows = enumerate(zip(*nodes.values(), strict=True))
+    networkx.set_node_attributes(graph, {node: dict(zip(nodes, row, strict=True)) for node, row in rows})
 
     assert networkx.is_arborescence(graph)
     tips = [node for node in graph if graph.out_degree(node) == 0]
     assert len(tips) == np.sum(np.bincount(skeleton.parent[1:], minlength=200) == 0)
     assert networkx.descendants(graph, 0) == set(range(1, 200))
+    assert graph.nodes[17]["parent"] == skeleton.parent[17]
+    assert_allclose(graph.nodes[17]["position"], skeleton.position[17], atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -61,8 +63,11 @@ def test_networkx_reads_it_in_three_lines(tmp_path: Path) -> None:
         {"version": 2, "nodes": []},
         {"version": 1},
         {"version": 1, "nodes": []},
-        {"version": 1, "nodes": [{"parent": None}]},
-        {"version": 1, "nodes": [{"parent": 5, "position": [0, 0, 0], "radius": 1}]},
+        {"version": 1, "nodes": {"parent": [-1]}},
+        {"version": 1, "nodes": {"parent": [], "position": [], "radius": []}},
+        {"version": 1, "nodes": {"parent": [-1, 5], "position": [[0, 0, 0], [0, 1, 0]], "radius": [1, 1]}},
+        {"version": 1, "nodes": {"parent": [None], "position": [[0, 0, 0]], "radius": [1]}},
+        {"version": 1, "nodes": {"parent": [-1], "position": [[0, 0]], "radius": [1]}},
         {"version": 1, "nodes": 7},
         [1],
     ],
