@@ -20,8 +20,8 @@ from forestgen.usd.composed import Composed
 from forestgen.usd.profiles import write_profile
 from tests.export.glb_reader import Glb
 from tests.export.subjects import leafy_levels, leafy_oak, read_subject, write_tree
-from tests.readers.strangers import camera_of, iou, our_mask
-from tests.readers.test_samples import OUT, SHARE, TREES
+from tests.readers.strangers import iou, our_mask
+from tests.readers.test_samples import OUT, TREES
 from tests.readers.web import job, show, validate
 from tests.usd.models import tree_model
 
@@ -241,7 +241,7 @@ def test_a_tree_from_a_photo(tree: Path, tmp_path: Path) -> None:
     levels = [Composed(path) for _ in subject.levels]
     for k, composed in enumerate(levels):
         composed.select_level(k)
-    camera = camera_of(tree / "cameras.usda", SHARE)
+    camera = frame_camera(levels[0].drawables(), azimuth=np.radians(30), elevation=np.radians(5), size=(600, 750))
     jobs = [job(glb, camera, level=k) for k in range(len(levels))]
     jobs.append(job(write_profile(tree, tmp_path / "web", "web", level=0), camera))
     for (counts, picture), composed in zip(show(jobs, tmp_path), [*levels, levels[0]], strict=True):
