@@ -18,6 +18,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
 from forestgen.tree.foliage_poses import quaternions
+from forestgen.tree.level import Level, full_level
 from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
 from forestgen.tree.rig import INFLUENCES, MOST_JOINTS, Rig, Skin, joint_turns, rig_of, skin_of_leaves, skin_of_mesh
@@ -33,11 +34,18 @@ Matrices = NDArray[np.float64]  # (J, 4, 4) for column vectors
 
 
 def write_rig(
-    model: TreeModel, folder: Path, name: str, *, most_joints: int = MOST_JOINTS, strength: float | None = None
+    model: TreeModel,
+    folder: Path,
+    name: str,
+    *,
+    level: Level | None = None,
+    most_joints: int = MOST_JOINTS,
+    strength: float | None = None,
 ) -> Path:
-    """Write a tree's rig into the folder of its asset; give the path of the file to open.
+    """Write the rig of a tree, or of a coarser level of it, into the folder of its asset; give the file to open.
 
-    With a `strength` of the wind (radians, as `Gust`'s) it sways, in a loop of PERIOD seconds.
+    Cards of a level go with the trunk's foot. With a `strength` of the wind (radians, as `Gust`'s) the tree
+    sways, in a loop of PERIOD seconds.
 
     Raises:
         InputError: the folder holds no materials.usdc.
@@ -55,13 +63,18 @@ def write_rig(
         _define_sway(stage, skeleton, rig, strength)
     geo = UsdGeom.Scope.Define(stage, root.GetPath().AppendChild("geo")).GetPath()
     mtl = root.GetPath().AppendChild("mtl")
-    define_mesh(stage, geo.AppendChild("branches"), model.mesh, mtl.AppendChild("bark"))
-    _bind(stage, geo.AppendChild("branches"), skeleton, skin_of_mesh(rig, model.mesh))
-    if len(model.leaves):
-        mesh, leaf = flat_leaves(model.leaves, model.atlas.prototypes)
+    drawn = full_level(model) if level is None else level
+    if len(drawn.mesh.faces):
+        define_mesh(stage, geo.AppendChild("branches"), drawn.mesh, mtl.AppendChild("bark"))
+        _bind(stage, geo.AppendChild("branches"), skeleton, skin_of_mesh(rig, drawn.mesh))
+    if len(drawn.leaves):
+        mesh, leaf = flat_leaves(drawn.leaves, drawn.prototypes)
         define_mesh(stage, geo.AppendChild("leaves"), mesh, mtl.AppendChild("leaf"))
-        foot = skin_of_leaves(rig, model.leaves)
+        foot = skin_of_leaves(rig, drawn.leaves)
         _bind(stage, geo.AppendChild("leaves"), skeleton, Skin(foot.joint[leaf], foot.weight[leaf]))
+    if len(drawn.cards.faces):
+        define_mesh(stage, geo.AppendChild("leaf_cards"), drawn.cards, mtl.AppendChild("leaf_cards"))
+        _bind(stage, geo.AppendChild("leaf_cards"), skeleton, _on_root(len(drawn.cards.points)))
     _author_extent(root, animated=strength is not None)
     save(stage.GetRootLayer(), folder / f"{name}_rig.usdc")
     return save(_opened_first(name, animated=strength is not None), folder / f"{name}_rig.usda")
@@ -166,6 +179,13 @@ def _author_extent(root: UsdSkel.Root, *, animated: bool) -> None:
 
 def _frames() -> range:
     return range(0, round(PERIOD * FPS) + 1, SAMPLE_EVERY)
+
+
+def _on_root(n_points: int) -> Skin:
+    """All points (P,) on joint 0."""
+    weight = np.zeros((n_points, INFLUENCES))
+    weight[:, 0] = 1
+    return Skin(np.zeros((n_points, INFLUENCES), np.int64), weight)
 
 
 def _bind(stage: Usd.Stage, path: Sdf.Path, skeleton: UsdSkel.Skeleton, skin: Skin) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from forestgen.errors import InputError
+from forestgen.tree.level import EMPTY_MESH, Level
 from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import TreeModel
 from forestgen.tree.rig import INFLUENCES, joint_turns, rig_of, skin_of_mesh
@@ -22,6 +23,7 @@ from forestgen.usd.validate import validate
 from tests.tree.skeletons import random_tree
 from tests.tree.test_rig import skinned
 from tests.tree.test_wind import leaves_at, model_of
+from tests.usd.models import box_mesh
 
 STRENGTH = 0.4
 
@@ -160,6 +162,17 @@ def test_a_bare_tree_has_no_leaves(model: TreeModel, tmp_path: Path) -> None:
     assert not stage.GetPrimAtPath("/bare/geo/leaves")
     assert not stage.GetPrimAtPath("/bare/skel/sway")
     assert not stage.HasAuthoredTimeCodeRange()
+
+
+def test_a_coarser_level_is_rigged_alike(model: TreeModel, tmp_path: Path) -> None:
+    folder = write_tree_asset(model, tmp_path / "oak").parent
+    level = Level(EMPTY_MESH, model.leaves, model.atlas.prototypes, box_mesh(1.0, 2.0), 100.0)
+    stage = open_stage(write_rig(model, folder, "oak", level=level, most_joints=10))
+    assert not stage.GetPrimAtPath("/oak/geo/branches")
+    assert stage.GetPrimAtPath("/oak/geo/leaves")
+    cards = UsdSkel.BindingAPI(stage.GetPrimAtPath("/oak/geo/leaf_cards"))
+    assert_array_equal(cards.GetJointIndicesAttr().Get(), np.zeros(8 * INFLUENCES))
+    assert_array_equal(np.array(cards.GetJointWeightsAttr().Get()).reshape(-1, INFLUENCES)[:, 0], 1)
 
 
 def test_same_tree_same_bytes(model: TreeModel, written: Path, tmp_path: Path) -> None:
