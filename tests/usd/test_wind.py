@@ -21,7 +21,7 @@ from forestgen.usd.validate import validate
 from forestgen.usd.wind import LAYER, wind_layer
 from tests.tree.skeletons import random_tree
 from tests.tree.test_wind import leaves_at, model_of
-from tests.usd.models import box_mesh
+from tests.usd.models import box_mesh, leaf_prototype
 
 NAMES = ("pivot", "axis", "level", "phase", "stiffness")
 
@@ -141,3 +141,12 @@ def test_cards_swing_with_the_trunk_and_what_is_not_there_gets_nothing(model: Tr
     stage = Usd.Stage.Open(layer)
     limb = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/oak/geo/LOD1/leaf_cards")).GetPrimvar("wind:limb")
     assert list(limb.ComputeFlattened()) == [0] * 8
+
+
+def test_two_hundred_thousand_leaves_cost_little(tmp_path: Path) -> None:
+    rng = np.random.default_rng(8)
+    skeleton = random_tree(20_000, rng=rng)
+    feet = skeleton.position[rng.integers(20, 20_000, 200_000)]  # in no order: the most there is to store
+    level = Level(EMPTY_MESH, leaves_at(feet), (leaf_prototype(0, 1),), EMPTY_MESH, 1000.0)
+    assert len(limb_tree(skeleton).limbs) > 4000
+    assert save(wind_layer("oak", skeleton, [level]), tmp_path / LAYER).stat().st_size < 1.5e6
