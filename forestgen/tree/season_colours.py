@@ -21,8 +21,8 @@ TURNING = {
     "brown": (1.00, 33.0, 12.0, 24.0),
 }
 STEPS = 256  # of the table along the way
-BRIGHTENED, DARKENED = 0.65, 0.85  # how much of a new leaf's difference in reflectance shows (as an exponent):
-# the photographer opens the lens for dark trees and closes it for bright ones
+BRIGHTENED, DARKENED = 0.65, 1.0  # how much of a new leaf's difference in reflectance shows (as an exponent): ours.
+# A photographer closes the lens for a bright crown; a dark one keeps no lights that were a bright leaf's
 HAZE = 0.35  # how much of a texel's lack of colour (sky mirrored on the leaf, mist) stays
 UNEVEN_LIGHT = 0.35  # how much of what makes a texel turn more than its leaf shows in its lightness
 KNEE = 0.72  # linear light from which a new colour is held back, so that none is clipped

@@ -11,7 +11,6 @@ import pytest
 from numpy.testing import assert_array_equal
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from forestgen.tree.leaf_pictures import picture_name
 from forestgen.tree.level import full_level
 from forestgen.tree.mips import build_mips
 from forestgen.usd.layers import open_stage, save
@@ -67,14 +66,14 @@ STANDARD = {
 
 
 def looks() -> dict[str, SeasonLook]:
-    def pictures(season: str, *, is_delit: bool = False) -> dict[str, str]:
-        return {m: f"./textures/{picture_name(m, season, is_delit=is_delit)}" for m in ("leaf", "leaf_cards")}  # type: ignore[arg-type]
+    def path(name: str) -> str:
+        return f"./textures/{name}.png"
 
-    plain = {"leaf": pictures("autumn", is_delit=True)["leaf"]}
+    autumn = {"leaf": path("leaf_autumn"), "leaf_cards": path("leaf_cards_autumn")}
     return {
         "photo": SeasonLook(),
-        "autumn": SeasonLook(pictures("autumn"), plain, FALLEN),
-        "winter": SeasonLook(pictures={"leaf_cards": pictures("winter")["leaf_cards"]}, is_bare=True),
+        "autumn": SeasonLook(autumn, {"leaf": path("leaf_autumn_delit")}, FALLEN),
+        "winter": SeasonLook(pictures={"leaf_cards": path("leaf_cards_winter")}, is_bare=True),
     }
 
 
