@@ -100,8 +100,7 @@ def stand(tree: GltfTree, name: str, place: Mapping[str, Any]) -> int:
         suffix = f"_LOD{k}" if k else ""
         children = []
         for part in tree.levels[k]:
-            places = {} if part.places is None else {"extensions": instanced(document, part.places)}
-            children.append(document.add("nodes", name=part.name + suffix, mesh=part.mesh, **places))
+            children.append(document.add("nodes", name=part.name + suffix, mesh=part.mesh, **tree.extensions(part)))
         group: dict[str, Any] = {"name": name + suffix, "children": children, **place}
         if k == 0:
             group["extras"] = {"forestgen": tree.provenance}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class GltfTree:
     def __init__(self, document: Document, tree: Subject, instancing: bool) -> None:
         self.document, self.tree = document, tree
         self.levels = [self._parts(level, instancing) for level in tree.levels]
+        self._extensions: dict[Part, dict[str, Any]] = {}
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -45,21 +47,29 @@ class GltfTree:
         model = self.tree.model
         return {"method": model.method, "seed": model.seed, "height": float(model.height)}
 
+    def extensions(self, part: Part) -> dict[str, Any]:
+        """What a node of one of the parts has, wherever the tree stands: its instances."""
+        if part.places is None:
+            return {}
+        if part not in self._extensions:
+            self._extensions[part] = {"extensions": instanced(self.document, part.places)}
+        return self._extensions[part]
+
     def _parts(self, level: Level, instancing: bool) -> list[Part]:
         parts = []
         if len(level.mesh.faces):
-            parts.append(Part("branches", self._mesh("branches", level.mesh, self._bark())))
+            parts.append(Part("branches", self._mesh("branches", level.mesh, self._bark)))
         if len(level.leaves) and instancing:
             names = prototype_names(len(level.prototypes))
             every = leaf_places(level.leaves, len(level.prototypes))
             for name, leaf, places in zip(names, level.prototypes, every, strict=True):
                 if len(places):
-                    parts.append(Part(name, self._mesh(name, leaf, self._leaf()), places))
+                    parts.append(Part(name, self._mesh(name, leaf, self._leaf), places))
         elif len(level.leaves):
             flat = flat_leaves(level.leaves, level.prototypes)
-            parts.append(Part("leaves", self._mesh("leaves", flat, self._leaf())))
+            parts.append(Part("leaves", self._mesh("leaves", flat, self._leaf)))
         if len(level.cards.faces):
-            parts.append(Part("leaf_cards", self._mesh("leaf_cards", level.cards, self._cards())))
+            parts.append(Part("leaf_cards", self._mesh("leaf_cards", level.cards, self._cards)))
         return parts
 
     def _mesh(self, name: str, mesh: Mesh | LeafPrototype, material: int) -> int:
@@ -78,6 +88,7 @@ class GltfTree:
         }
         return self.document.add("meshes", name=name, primitives=[primitive])
 
+    @cached_property
     def _bark(self) -> int:
         rgb = self.tree.model.bark.rgb
         if self.tree.has_plain_bark:
@@ -88,9 +99,11 @@ class GltfTree:
         surface |= {"metallicFactor": 0.0, "roughnessFactor": BARK_ROUGHNESS}
         return self.document.add("materials", name="bark", pbrMetallicRoughness=surface)
 
+    @cached_property
     def _leaf(self) -> int:
         return self._cut_out("leaf", self.tree.model.atlas.rgba)
 
+    @cached_property
     def _cards(self) -> int:
         assert self.tree.card_rgba is not None  # Subject has seen to it
         return self._cut_out("leaf_cards", self.tree.card_rgba)

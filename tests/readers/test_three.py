@@ -22,7 +22,7 @@ from tests.export.glb_reader import Glb
 from tests.export.subjects import leafy_levels, leafy_oak, read_subject, write_tree
 from tests.readers.strangers import iou, our_mask
 from tests.readers.test_samples import OUT, TREES
-from tests.readers.web import job, show, validate
+from tests.readers.web import far_job, job, show, validate
 from tests.usd.models import tree_model
 
 pytestmark = pytest.mark.gl
@@ -123,6 +123,10 @@ def shown(exports: dict[str, Path], cameras: tuple[Camera, Camera], tmp_path_fac
         "usdz": job(exports["usdz"], corner),
         "scene": job(exports["scene"], scene_camera()),
         "wood": job(exports["wood"], scene_camera()),
+        "near": far_job(exports["glb"], 17.0),
+        "farther": far_job(exports["glb"], 17.4),
+        "far": far_job(exports["glb"], 87.0),
+        "scene from a distance": far_job(exports["scene"], 16.5),
     }
     found = show(list(jobs.values()), tmp_path_factory.mktemp("pictures"))
     return dict(zip(jobs, found, strict=True))
@@ -196,6 +200,14 @@ def test_three_draws_what_we_draw(
     drawables, (_, theirs) = composed.drawables(), shown[name]
     assert iou(mask(theirs), our_mask(drawables, cameras[view])) >= EXPECTED_IOU
     assert colour_difference(theirs, drawables, cameras[view]) < 0.04
+
+
+def test_three_chooses_levels_by_their_size_on_the_screen(shown: Shown) -> None:
+    """The oak is 4 m high, and switches at a quarter and a twentieth of a screen that shows 50 degrees: at 17.2 m and
+    85.8 m. The copy in the scene, of 0.7 times the size and a metre behind, does so nearer by."""
+    assert [shown[name][0]["levels"] for name in ("near", "farther", "far")] == [[0], [1], [2]]
+    assert shown["far"][0]["triangles"] == leafy_levels()[2].n_triangles
+    assert shown["scene from a distance"][0]["levels"] == [0, 0, 1]
 
 
 def test_three_lights_it(shown: Shown) -> None:

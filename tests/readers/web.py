@@ -58,6 +58,13 @@ def job(file: Path, camera: Camera, *, look: str = "flat", level: int = 0) -> di
     return {"file": str(file), "camera": through, "look": look, "level": level}
 
 
+def far_job(file: Path, distance: float, size: tuple[int, int] = (64, 64), fov: float = 50.0) -> dict[str, Any]:
+    """A file to draw in perspective from +Z, `distance` metres from the root, through `fov` degrees of height."""
+    height = 1.0
+    through = {"size": size, "fov": fov, "position": [0, height, distance], "target": [0, height, 0]}
+    return {"file": str(file), "camera": through, "look": "outdoors", "level": 0}
+
+
 def show(jobs: Sequence[dict[str, Any]], folder: Path) -> list[tuple[dict[str, Any], NDArray[np.float64]]]:
     """For each job what three.js counted, and its picture: premultiplied RGBA (H, W, 4) in [0, 1]."""
     require("three", "playwright-core", browser=True)

@@ -4,13 +4,16 @@ import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { MTLLoader } from 'three/addons/loaders/MTLLoader.js';
 import { OBJLoader } from 'three/addons/loaders/OBJLoader.js';
 import { USDLoader } from 'three/addons/loaders/USDLoader.js';
+import { withLevels } from '/three_levels.js';
 
-// Loads a file by its suffix; of a GLB with levels of detail, the one asked for.
-async function load(url, level) {
+// Loads a file by its suffix: of a GLB the finest level of detail, as any page gets it, the one asked for (one
+// tree), or all of them, for a camera to choose from.
+async function load(url, level, camera) {
   const suffix = url.split('.').pop().toLowerCase();
-  if (suffix === 'glb' || suffix === 'gltf') {
+  if (suffix === 'glb') {
     const gltf = await new GLTFLoader().loadAsync(url);
-    return level ? lowerLevel(gltf, level) : gltf.scene;
+    if (camera.isPerspectiveCamera) return withLevels(gltf, camera.fov);
+    return level ? (await withLevels(gltf, 50)).children[0].levels[level].object : gltf.scene;
   }
   if (suffix === 'obj') {
     const materials = await new MTLLoader().loadAsync(url.replace(/obj$/, 'mtl'));
@@ -20,13 +23,6 @@ async function load(url, level) {
     return cutOut(bothSides(model)); // MTL can say neither
   }
   return bothSides(await new USDLoader().loadAsync(url)); // it ignores doubleSided
-}
-
-// GLTFLoader does not know MSFT_lod: it draws the finest level. The others are there for the asking.
-async function lowerLevel(gltf, level) {
-  const { json } = gltf.parser;
-  const finest = json.nodes[json.scenes[json.scene].nodes[0]];
-  return gltf.parser.getDependency('node', finest.extensions.MSFT_lod.ids[level - 1]);
 }
 
 function bothSides(model) {
@@ -49,9 +45,17 @@ async function pictures(model) {
   for (const map of maps) while (!map.image?.complete) await new Promise((done) => setTimeout(done, 10));
 }
 
-// The camera of forestgen's own pictures: orthographic, rows of `axes` are its right, its up and where it stands.
-function orthographic({ size, root_px, px_per_metre, axes }) {
+// The camera of forestgen's own pictures, whose rows of `axes` are its right, its up and where it stands;
+// or one in perspective.
+function cameraOf({ size, root_px, px_per_metre, axes, fov, position, target }) {
   const [width, height] = size;
+  if (fov) {
+    const camera = new THREE.PerspectiveCamera(fov, width / height, 0.1, 5000);
+    camera.position.set(...position);
+    camera.lookAt(...target);
+    camera.updateMatrixWorld();
+    return camera;
+  }
   const [x, y] = root_px;
   const camera = new THREE.OrthographicCamera(
     -x / px_per_metre, (width - x) / px_per_metre, y / px_per_metre, (y - height) / px_per_metre, -1000, 1000);
@@ -76,17 +80,30 @@ function light(scene, box) {
   sun.shadow.mapSize.set(2048, 2048);
   Object.assign(sun.shadow.camera, { left: -reach / 2, right: reach / 2, top: reach / 2, bottom: -reach / 2, far: 3 * reach });
   sun.shadow.normalBias = 0.02;
-  scene.add(sun, sun.target, new THREE.HemisphereLight('#dfeaff', '#6b6250', 1.6));
+  scene.add(sun, sun.target, new THREE.HemisphereLight('#dfeaff', '#8a8468', 2.6));
 }
 
-// Loads, counts, draws: { counts, picture (data URL of a PNG with alpha) }.
-window.show = async ({ url, level, camera, look }) => {
-  const model = await load(url, level);
+function ground(scene) {
+  const lawn = new THREE.Mesh(
+    new THREE.CircleGeometry(400, 64).rotateX(-Math.PI / 2), new THREE.MeshStandardMaterial({ color: '#7d8a55' }));
+  lawn.receiveShadow = true;
+  scene.add(lawn);
+  scene.background = new THREE.Color('#c6dcf0');
+  scene.fog = new THREE.Fog('#c6dcf0', 60, 400);
+}
+
+// Loads, counts what shows, draws: { counts, picture (data URL of a PNG with alpha) }.
+// Looks: `flat`, the pictures' own colours; `lit`; `outdoors`, lit and on a lawn.
+window.show = async ({ url, level, camera: through, look }) => {
+  const camera = cameraOf(through);
+  const model = await load(url, level, camera);
   const scene = new THREE.Scene().add(model);
   scene.updateMatrixWorld(true);
   const box = new THREE.Box3().setFromObject(model, true);
-  const counts = { meshes: 0, instances: 0, triangles: 0, materials: {} };
-  model.traverse((one) => {
+  model.traverse((one) => one.isLOD && one.update(camera));
+  const counts = { levels: [], meshes: 0, instances: 0, triangles: 0, materials: {} };
+  model.traverseVisible((one) => {
+    if (one.isLOD) counts.levels.push(one.getCurrentLevel());
     if (!one.isMesh) return;
     const n = one.isInstancedMesh ? one.count : 1;
     const { index, attributes } = one.geometry;
@@ -103,14 +120,15 @@ window.show = async ({ url, level, camera, look }) => {
   // Flat, each pixel is one sample. Antialiasing tests a pixel's texels once, at its centre: leaves lose what of
   // their edge lies beyond, so who measures takes a finer camera instead.
   const renderer = new THREE.WebGLRenderer({ antialias: look !== 'flat', alpha: true, preserveDrawingBuffer: true });
-  renderer.setSize(...camera.size, false);
+  renderer.setSize(...through.size, false);
   renderer.setClearColor(0, 0);
   if (look !== 'flat') {
     renderer.shadowMap.enabled = true;
     light(scene, box);
   }
+  if (look === 'outdoors') ground(scene);
   document.body.append(renderer.domElement);
-  renderer.render(scene, orthographic(camera));
+  renderer.render(scene, camera);
   const picture = renderer.domElement.toDataURL('image/png');
   renderer.dispose();
   return { revision: THREE.REVISION, ...counts, box: [box.min.toArray(), box.max.toArray()], picture };
