@@ -63,12 +63,13 @@ def _table() -> NDArray[np.float32]:
 def reflectance(lab: NDArray[np.floating]) -> float:
     """How much light leaves throw back whose mean colour is `lab` (3,) CIELAB: by their hue, however they are lit.
 
-    Green leaves all alike, turned ones as the palette's of that hue; what is neither is taken for petals.
+    Green leaves all alike, turned ones as the palette's of that hue, red ones as orange ones: what is redder in
+    the palette is also duller. What is neither is taken for petals.
     """
     kind = int(classify(np.asarray(lab)[None])[0])
     if kind == IS_NEITHER:
         return PETAL
-    way = np.linspace(0, 0 if kind == IS_GREEN else TURNING["russet"][0], STEPS)  # brown has no hue of its own
+    way = np.linspace(0, 0 if kind == IS_GREEN else TURNING["orange"][0], STEPS)
     tint, gives = leaf_light(way)
     of_way = lab_of(bytes_from_linear(tint * gives[:, None]))
     return float(gives[np.argmin(np.abs(np.arctan2(of_way[:, 2], of_way[:, 1]) - np.arctan2(lab[2], lab[1])))])
