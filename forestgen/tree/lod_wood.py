@@ -58,11 +58,11 @@ def swept(skeleton: Skeleton, bark: Bark, sweep: GeneralisedCylinders, finest: G
     merged = merge_coincident(skeleton)
     size = tree_size(merged.position)
     thick = np.maximum(merged.radius, 1e-9)
-    wide = [sweep_width(one.flats(thick, max(size, 1e-3))) for one in (finest, sweep)]
+    wide = [polygon_width(one.flats(thick, max(size, 1e-3))) for one in (finest, sweep)]
     return sweep(Skeleton(merged.position, merged.parent, merged.radius * wide[0] / wide[1]), bark)
 
 
-def sweep_width(flats: NDArray[np.int64]) -> NDArray[np.float64]:
+def polygon_width(flats: NDArray[np.int64]) -> NDArray[np.float64]:
     """Mean width of regular polygons of so many sides (N,) over that of their circles."""
     return np.asarray(flats * np.sin(np.pi / flats) / np.pi)
 
