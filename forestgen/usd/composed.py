@@ -76,9 +76,8 @@ class Composed:
         known = sorted({one for prim in prims for one in prim.GetVariantSet(name).GetVariantNames()})
         if variant not in known:
             raise InputError(f"{self.path}: variant set {name!r} has no {variant!r}; it has {', '.join(known)}")
-        for prim in prims:
-            if variant in prim.GetVariantSet(name).GetVariantNames():
-                prim.GetVariantSet(name).SetVariantSelection(variant)
+        having = [prim for prim in prims if variant in prim.GetVariantSet(name).GetVariantNames()]
+        self._choose(name, {prim.GetPath(): variant for prim in having})
 
     def select_known(self, selections: Mapping[str, str]) -> None:
         """Select those of `selections` that are there: a tree of a scene may lack one that another has."""
@@ -94,9 +93,8 @@ class Composed:
         """
         if not 0 <= k < self.n_levels():
             raise InputError(f"{self.path}: there is no level of detail {k}; it has 0 to {self.n_levels() - 1}")
-        for prim in self._with_set(LOD_SET):
-            levels = _levels(prim)
-            prim.GetVariantSet(LOD_SET).SetVariantSelection(levels[min(k, len(levels) - 1)])
+        levels = {prim.GetPath(): _levels(prim) for prim in self._with_set(LOD_SET)}
+        self._choose(LOD_SET, {path: names[min(k, len(names) - 1)] for path, names in levels.items()})
 
     def drawables(self) -> list[Drawable]:
         """What shows: instances are places of one drawable.
@@ -136,6 +134,13 @@ class Composed:
         layer = self.stage.Flatten(addSourceFileComment=False)
         _drop_inactive(layer.pseudoRoot)
         return layer
+
+    def _choose(self, name: str, chosen: Mapping[Sdf.Path, str]) -> None:
+        """Select variants of a set, by prim: all at once, or ten thousand trees would be composed as often."""
+        layer = self.stage.GetSessionLayer()
+        with Sdf.ChangeBlock():
+            for path, variant in chosen.items():
+                Sdf.CreatePrimInLayer(layer, path).variantSelections[name] = variant
 
     def _component(self, prim: Usd.Prim) -> Sdf.Path:
         while prim and prim != self.root and Usd.ModelAPI(prim).GetKind() != "component":

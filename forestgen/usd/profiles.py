@@ -62,7 +62,8 @@ def write_profile(
     root = find_root(source)
     if target.resolve() == root.parent:
         raise InputError(f"{target}: is what the profile is made from; choose another folder")
-    _check_choice(root, level, variants)
+    if level is not None or variants:
+        _check_choice(root, level, variants)
     with staging(target) as work:
         made = work / "made"
         made.mkdir()
