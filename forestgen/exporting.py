@@ -21,7 +21,7 @@ from forestgen.errors import InputError
 from forestgen.export.gltf import write_glb, write_scene_glb
 from forestgen.export.obj import write_obj
 from forestgen.export.subject import Subject
-from forestgen.finishing import coarsening, dress
+from forestgen.finishing import coarsening, finish
 from forestgen.reference import write_provenance
 from forestgen.tree.level import Level
 from forestgen.tree.lod import fit_level
@@ -132,10 +132,9 @@ def _refitted(root: Path, work: Path, wishes: Wishes) -> Path:
 
 
 def _refit(folder: Path, target: Path, wishes: Wishes) -> None:
-    """Write the tree of a folder again, its finest level within the budgets, coarser ones as they are."""
-    model, levels = _within(folder, wishes)
-    cards = read_card_atlas(folder)
-    write_tree_asset(model, target, dress(model, levels[1:], cards))
+    """Write the tree of a folder again, its finest level within the budgets, coarser ones made from that."""
+    model, _ = _within(folder, wishes)
+    write_tree_asset(model, target, finish(model))
     write_provenance(model, target / "reference")
     if (folder / "cameras.usda").is_file():
         shutil.copyfile(folder / "cameras.usda", target / "cameras.usda")

@@ -1,53 +1,33 @@
-"""Finishing: what an asset holds beside the tree: coarser levels of detail, cards, wind data, guides."""
+"""Finishing: what an asset holds beside the tree: coarser levels of detail, cards, seasons, looks, wind data, guides."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from forestgen.dressing import dress
 from forestgen.errors import RenderError
-from forestgen.tree.extras import NO_CARDS, Extras
+from forestgen.render.cards import plan_cards
 from forestgen.tree.level import Level, full_level
+from forestgen.tree.lod import LOD_STEPS, coarser_level
 from forestgen.tree.model import TreeModel
+from forestgen.usd.extras import Extras
 
 
-def finish(model: TreeModel) -> Extras:
-    """All that goes into a tree's asset beside the tree.
+def finish(model: TreeModel, *, without_light: bool = False) -> Extras:
+    """All that goes into a tree's asset beside the tree; with pictures of leaves `without_light` as a variant.
 
-    Cards are drawn: without OpenGL there are none, and the user is told.
+    Cards are drawn: where OpenGL is missing there are none, no seasons either, and the user is told.
     """
-    return dress(model, *make_levels(model))
-
-
-def dress(
-    model: TreeModel, levels: tuple[Level, ...], card_atlas: NDArray[np.uint8] | None, notes: tuple[str, ...] = ()
-) -> Extras:
-    """All that goes into the asset of a tree with these levels after the full one, and the picture on its cards."""
-    atlas = NO_CARDS if card_atlas is None else card_atlas
-    return Extras(levels=levels, card_atlas=atlas, wind=True, guides=True, notes=notes)
-
-
-def make_levels(model: TreeModel) -> tuple[tuple[Level, ...], NDArray[np.uint8] | None, tuple[str, ...]]:
-    """The levels after the full one, the picture (H, W, 4) on the cards of the last where it has some, and notes.
-
-    A level that is no coarser than the one before is left out: a small tree needs fewer.
-    """
-    from forestgen.render.cards import bake_cards, plan_cards
-    from forestgen.tree.lod import LOD_STEPS, coarser_level
-
-    levels = [coarser_level(model, step) for step in LOD_STEPS]
-    atlas = None
-    notes: tuple[str, ...] = ()
+    finer = [coarser_level(model, step) for step in LOD_STEPS]
     plan = plan_cards(model)
-    if len(plan.mesh.faces):
-        try:
-            atlas = bake_cards(plan, model, model.atlas.rgba)
-            levels.append(plan.level(model))
-        except RenderError as error:
-            notes = (f"no level of cards: {error}",)
-    return coarsening(model, levels), atlas, notes
+    cards = [plan.level(model)] if len(plan.mesh.faces) else []
+    levels = coarsening(model, [*finer, *cards])
+    try:
+        pictures, seasons = dress(model, levels, plan, without_light=without_light)
+    except RenderError as error:
+        told = (f"without cards and seasons, which are drawn: {error}",)
+        return Extras(coarsening(model, finer), openpbr=True, wind=True, guides=True, notes=told)
+    return Extras(levels, pictures, seasons, openpbr=True, wind=True, guides=True)
 
 
 def coarsening(model: TreeModel, levels: Sequence[Level]) -> tuple[Level, ...]:

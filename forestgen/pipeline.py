@@ -24,7 +24,6 @@ from forestgen.scene.forest import place
 from forestgen.scene.manifest import Scene, TreeSpec, ViewSpec
 from forestgen.staging import install, staging
 from forestgen.tree.build import OnStage, Source, build_tree
-from forestgen.tree.extras import Extras
 from forestgen.tree.methods import STAGES
 from forestgen.tree.model import TreeModel
 from forestgen.tree.photo import load_photo
@@ -34,6 +33,7 @@ from forestgen.workers import OnProgress, run_parallel
 if TYPE_CHECKING:
     from forestgen.check.output import CheckJob
     from forestgen.check.report import TreeReport
+    from forestgen.usd.extras import Extras
     from forestgen.usd.forest_scene import Instancing
 
 STEPS = (*STAGES, "levels", "write", "check")  # what progress counts, for each tree

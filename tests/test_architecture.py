@@ -30,6 +30,7 @@ LAYERS = [
     "summary",
     "doctor",
     "build_record",
+    "dressing",
     "finishing",
     "pipeline",
     "exporting",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh
 
 Box = NDArray[np.float32]  # (2, 3): low and high corner, m
@@ -93,20 +94,43 @@ def define_leaves(
     instancer = UsdGeom.PointInstancer.Define(stage, path)
     home = UsdGeom.Scope.Define(stage, path.AppendChild("Prototypes")).GetPath()
     targets = [home.AppendChild(name) for name in prototype_names(len(prototypes))]
-    boxes = np.stack(
-        [define_mesh(stage, target, leaf, material) for target, leaf in zip(targets, prototypes, strict=True)]
-    )
+    for target, leaf in zip(targets, prototypes, strict=True):
+        define_mesh(stage, target, leaf, material)
     instancer.CreatePrototypesRel().SetTargets(targets)
-    # rows of a quath are i, j, k, REAL: w-first rows would become other rotations without a word
-    turn = leaves.orientation[:, [1, 2, 3, 0]].astype(np.float16)
     size = leaves.size.astype(np.float32)
     instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(leaves.prototype.astype(np.int32)))
     instancer.CreatePositionsAttr(vec3f(leaves.position))
-    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turn))
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(stored_turn(leaves)))
     instancer.CreateScalesAttr(vec3f(np.repeat(size[:, None], 3, axis=1)))
-    box = instances_box(leaves.position, turn, size, boxes[leaves.prototype])
+    box = leaves_box(leaves, prototypes)
     instancer.CreateExtentAttr(vec3f(box))
     return box
+
+
+def stored_turn(leaves: Leaves) -> NDArray[np.float16]:
+    """Orientations (L, 4) as USD stores them: i, j, k, REAL. Rows with the real part first would become other
+    rotations without a word."""
+    return leaves.orientation[:, [1, 2, 3, 0]].astype(np.float16)
+
+
+def leaves_box(leaves: Leaves, prototypes: Sequence[LeafPrototype]) -> Box:
+    """The box (2, 3) around leaves, from the numbers that are stored."""
+    boxes = np.stack([box_of(prototype.points) for prototype in prototypes])
+    return instances_box(leaves.position, stored_turn(leaves), leaves.size.astype(np.float32), boxes[leaves.prototype])
+
+
+def level_box(level: Level) -> Box:
+    """The box (2, 3) around all that a level of detail shows.
+
+    Raises:
+        ValueError: it shows nothing.
+    """
+    boxes = [box_of(mesh.points) for mesh in (level.mesh, level.cards) if len(mesh.points)]
+    if len(level.leaves):
+        boxes.append(leaves_box(level.leaves, level.prototypes))
+    if not boxes:
+        raise ValueError("a level of detail that shows nothing has no box")
+    return union(boxes)
 
 
 def prototype_names(count: int) -> list[str]:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, Vt
 
 from forestgen.tree.level import Level
+from forestgen.tree.model import Leaves
 from forestgen.tree.seasons import SEASONS, Season
-from forestgen.usd.geometry import Box, box_of, instances_box, vec3f
+from forestgen.usd.geometry import Box, leaves_box, vec3f
 from forestgen.usd.layers import new_stage
 from forestgen.usd.lights import TEXTURE, TEXTURE_DELIT
 from forestgen.usd.looks import PICTURE, PICTURE_DELIT
@@ -127,11 +128,7 @@ def _name_picture(spec: Sdf.PrimSpec, name: str, picture: str) -> None:
 
 
 def _kept_box(level: Level, gone: NDArray[np.int64]) -> Box:
-    """The box (2, 3) around the leaves that have not fallen, from the numbers that are stored."""
-    leaves = level.leaves
-    kept = np.setdiff1d(np.arange(len(leaves)), gone)
-    boxes = np.stack([box_of(prototype.points) for prototype in level.prototypes])
-    turn = leaves.orientation[kept][:, [1, 2, 3, 0]].astype(np.float16)
-    return instances_box(
-        leaves.position[kept], turn, leaves.size[kept].astype(np.float32), boxes[leaves.prototype[kept]]
-    )
+    """The box (2, 3) around the leaves that have not fallen."""
+    leaves, kept = level.leaves, np.setdiff1d(np.arange(len(level.leaves)), gone)
+    left = Leaves(leaves.position[kept], leaves.orientation[kept], leaves.size[kept], leaves.prototype[kept])
+    return leaves_box(left, level.prototypes)

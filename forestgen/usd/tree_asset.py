@@ -7,7 +7,8 @@
     wind.usdc         primvars:wind:* on geo and every mesh and instancer below it
     guides.usdc       /<name>/guides: the skeleton as curves, capsules to collide with
     materials.usdc    /<name>/mtl/bark, leaf, leaf_cards
-    textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png
+    openpbr.usdc, autumn.usdc ...   what variants bring
+    textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png, card_*.png; of seasons leaf_autumn.png ...
     skeleton.json     the skeleton as data
 
 The structure is the one of the usd-wg asset guidelines.
@@ -16,7 +17,6 @@ The structure is the one of the usd-wg asset guidelines.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -24,18 +24,30 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
-from forestgen.tree.extras import Extras
-from forestgen.tree.level import Level, full_level
+from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.skeleton_json import skeleton_json
-from forestgen.usd.geometry import Box, define_leaves, define_mesh, union, vec3f
+from forestgen.usd.card_textures import AXES, card_file, define_draw_mode
+from forestgen.usd.extras import BARK, LEAF, Extras, picture_path
+from forestgen.usd.geometry import Box, union, vec3f
 from forestgen.usd.guides import guides_layer
 from forestgen.usd.layers import new_stage, require_prim_name, save
-from forestgen.usd.materials import define_leaf_material, define_plain_material, define_textured_material
+from forestgen.usd.lights import define_light_variants
+from forestgen.usd.looks import LAYER as OPENPBR_LAYER
+from forestgen.usd.looks import define_look_variants, look_layer
+from forestgen.usd.seasons import Dress, define_seasons
+from forestgen.usd.tree_layers import (
+    DELIT,
+    leaf_materials,
+    levels_layer,
+    look_materials,
+    materials_layer,
+    payload_layer,
+)
 from forestgen.usd.variants import define_lod_sizes, define_lod_variants, level_name
+from forestgen.usd.wind import LAYER as WIND_LAYER
 from forestgen.usd.wind import wind_layer
 
-CARDS = "leaf_cards"  # prim, material and texture
 SKELETON = "skeleton.json"
 
 
@@ -51,28 +63,19 @@ def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = Non
     name = folder.name
     require_prim_name(name)
     extras = Extras() if extras is None else extras
-    geometry, box = _levels(name, [full_level(model)])
-    layers = {"geometry": geometry, "materials": _materials(model, extras, name)}
-    if extras.levels:
-        layers["lods"], coarser = _levels(name, extras.levels, first=1)
-        box = union([box, coarser])  # whichever level is chosen, nothing is beyond the extents hint
-        sizes = [level.switch_px for level in extras.levels]
-        define_lod_sizes(Usd.Stage.Open(layers["lods"]), Sdf.Path(f"/{name}"), sizes, box)
-    if extras.wind:
-        layers["wind"] = wind_layer(name, model.skeleton, [full_level(model), *extras.levels])
-    if extras.guides:
-        layers["guides"] = guides_layer(name, model.skeleton)
-    below = sorted(layers, reverse=True)  # wind is the strongest: it adds to prims that others define
-    layers["payload"] = _payload(name, [f"./{layer}.usdc" for layer in below])
-    root = _root(model, name, box, 1 + len(extras.levels))
+    pictures = _pictures(model, extras)
+    layers, box = _payload_layers(model, name, extras, pictures)
+    layers["payload.usdc"] = payload_layer(name, [f"./{file}" for file in sorted(layers, reverse=True)])
+    root, chosen = _root(model, name, box, extras, pictures)
+    layers |= chosen
 
     (folder / "textures").mkdir(parents=True, exist_ok=True)
-    for texture, image in _textures(model, extras).items():
-        write_png(image, folder / "textures" / f"{texture}.png")
+    for picture, image in pictures.items():
+        write_png(image, folder / picture_path(picture))
     if extras.guides:
         (folder / SKELETON).write_text(json.dumps(skeleton_json(model.skeleton), separators=(",", ":")), "utf-8")
-    for layer, content in layers.items():
-        save(content, folder / f"{layer}.usdc")
+    for file, layer in layers.items():
+        save(layer, folder / file)
     return save(root, folder / f"{name}.usda")
 
 
@@ -89,64 +92,43 @@ def write_png(image: NDArray[np.uint8], path: Path) -> None:
     path.write_bytes(data.tobytes())
 
 
-def _is_plain(rgb: NDArray[np.uint8]) -> bool:
-    return rgb.shape[:2] == (1, 1)
-
-
-def _textures(model: TreeModel, extras: Extras) -> dict[str, NDArray[np.uint8]]:
-    """Pictures by name."""
-    textures = {}
+def _pictures(model: TreeModel, extras: Extras) -> dict[str, NDArray[np.uint8]]:
+    """All pictures by name; bark of one colour needs none."""
+    pictures = dict(extras.pictures)
     if len(model.leaves):
-        textures["leaf"] = model.atlas.rgba
-    if not _is_plain(model.bark.rgb):
-        textures["bark"] = model.bark.rgb
-    if extras.has_cards:
-        textures[CARDS] = extras.card_atlas
-    return textures
+        pictures[LEAF] = model.atlas.rgba
+    if model.bark.rgb.shape[:2] != (1, 1):
+        pictures[BARK] = model.bark.rgb
+    return pictures
 
 
-def _levels(name: str, levels: Sequence[Level], first: int = 0) -> tuple[Sdf.Layer, Box]:
-    """The layer of some levels of detail, numbered from `first`, and the box (2, 3) around them."""
-    stage = new_stage(name)
-    tree = UsdGeom.Xform.Define(stage, f"/{name}").GetPath()
-    geo = UsdGeom.Scope.Define(stage, tree.AppendChild("geo")).GetPath()
-    mtl = tree.AppendChild("mtl")
-    boxes = []
-    for k, level in enumerate(levels, start=first):
-        home = UsdGeom.Xform.Define(stage, geo.AppendChild(level_name(k))).GetPath()
-        if len(level.mesh.faces) or not k:  # a full tree without wood is an error
-            boxes.append(define_mesh(stage, home.AppendChild("branches"), level.mesh, mtl.AppendChild("bark")))
-        if len(level.leaves):
-            leaves = home.AppendChild("leaves")
-            boxes.append(define_leaves(stage, leaves, level.leaves, level.prototypes, mtl.AppendChild("leaf")))
-        if len(level.cards.faces):
-            boxes.append(define_mesh(stage, home.AppendChild(CARDS), level.cards, mtl.AppendChild(CARDS)))
-    return stage.GetRootLayer(), union(boxes)
+def _payload_layers(
+    model: TreeModel, name: str, extras: Extras, pictures: dict[str, NDArray[np.uint8]]
+) -> tuple[dict[str, Sdf.Layer], Box]:
+    """The layers behind the payload by file, and the box (2, 3) around all levels of detail.
+
+    No two say anything of one attribute; wind, last by name, adds to prims that others define.
+    """
+    full = full_level(model)
+    geometry, box = levels_layer(name, [full])
+    layers = {"geometry.usdc": geometry, "materials.usdc": materials_layer(name, model.bark, pictures)}
+    if extras.levels:
+        coarse, coarser = levels_layer(name, extras.levels, first=1)
+        box = union([box, coarser])  # whichever level is chosen, nothing is beyond the extents hint
+        sizes = [level.switch_px for level in extras.levels]
+        define_lod_sizes(Usd.Stage.Open(coarse), Sdf.Path(f"/{name}"), sizes, box)
+        layers["lods.usdc"] = coarse
+    if extras.wind:
+        layers[WIND_LAYER] = wind_layer(name, model.skeleton, [full, *extras.levels])
+    if extras.guides:
+        layers["guides.usdc"] = guides_layer(name, model.skeleton)
+    return layers, box
 
 
-def _materials(model: TreeModel, extras: Extras, name: str) -> Sdf.Layer:
-    stage = new_stage(name)
-    tree = UsdGeom.Xform.Define(stage, f"/{name}").GetPath()
-    mtl = UsdGeom.Scope.Define(stage, tree.AppendChild("mtl")).GetPath()
-    if _is_plain(model.bark.rgb):
-        define_plain_material(stage, mtl.AppendChild("bark"), model.bark.rgb[0, 0] / 255)
-    else:
-        define_textured_material(stage, mtl.AppendChild("bark"), "./textures/bark.png")
-    if len(model.leaves):
-        define_leaf_material(stage, mtl.AppendChild("leaf"), "./textures/leaf.png")
-    if extras.has_cards:
-        define_leaf_material(stage, mtl.AppendChild(CARDS), f"./textures/{CARDS}.png")
-    return stage.GetRootLayer()
-
-
-def _payload(name: str, layers: Sequence[str]) -> Sdf.Layer:
-    layer = new_stage(name).GetRootLayer()
-    Sdf.CreatePrimInLayer(layer, f"/{name}").specifier = Sdf.SpecifierOver
-    layer.subLayerPaths = list(layers)
-    return layer
-
-
-def _root(model: TreeModel, name: str, box: Box, n_levels: int) -> Sdf.Layer:
+def _root(
+    model: TreeModel, name: str, box: Box, extras: Extras, pictures: dict[str, NDArray[np.uint8]]
+) -> tuple[Sdf.Layer, dict[str, Sdf.Layer]]:
+    """The root layer, and by file the layers that its variants bring."""
     stage = new_stage(name)
     shared = stage.CreateClassPrim("/__class__").GetPath().AppendChild(name)
     stage.CreateClassPrim(shared)
@@ -163,6 +145,33 @@ def _root(model: TreeModel, name: str, box: Box, n_levels: int) -> Sdf.Layer:
     if model.name and model.name != name:
         prim.SetDisplayName(model.name)
     prim.SetCustomData({"forestgen": {"method": model.method, "seed": model.seed, "height": float(model.height)}})
-    if n_levels > 1:
-        define_lod_variants(prim, n_levels)
-    return stage.GetRootLayer()
+    if all(card_name(face) in pictures for face in AXES):
+        front = pictures[card_name("ZPos")].reshape(-1, 4)
+        mean = front[front[:, 3] > 0, :3].mean(axis=0) / 255 if front[:, 3].any() else np.full(3, 0.5)
+        define_draw_mode(prim, {face: picture_path(card_name(face)) for face in AXES}, mean)
+    return stage.GetRootLayer(), _define_variants(prim, model, extras, pictures)
+
+
+def card_name(face: str) -> str:
+    """The name of the picture on a face of the box: card_x_pos and so on."""
+    return card_file(face).removesuffix(".png")
+
+
+def _define_variants(
+    prim: Usd.Prim, model: TreeModel, extras: Extras, pictures: dict[str, NDArray[np.uint8]]
+) -> dict[str, Sdf.Layer]:
+    """Author the variant sets of which there is more than one variant; gives the layers that they bring, by file."""
+    layers: dict[str, Sdf.Layer] = {}
+    foliage = leaf_materials(pictures)
+    delit = [leaf for leaf in foliage if leaf + DELIT in pictures]
+    if extras.levels:
+        define_lod_variants(prim, 1 + len(extras.levels))
+    if extras.openpbr:
+        define_look_variants(prim)
+        layers[OPENPBR_LAYER] = look_layer(prim.GetName(), look_materials(model.bark, pictures))
+    if delit:
+        define_light_variants(prim, delit)
+    if extras.seasons:
+        levels = {level_name(k): level for k, level in enumerate([full_level(model), *extras.levels])}
+        layers |= define_seasons(prim, extras.seasons, Dress(levels, foliage, delit, extras.openpbr))
+    return layers

@@ -14,10 +14,10 @@ from pxr import Gf, Usd, UsdGeom, UsdLod
 
 from forestgen.errors import InputError
 from forestgen.reference import write_provenance
-from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level, full_level
 from forestgen.tree.model import Leaves, TreeModel
 from forestgen.tree.skeleton_json import skeleton_from_json
+from forestgen.usd.extras import Extras
 from forestgen.usd.layers import open_stage
 from forestgen.usd.read import read_drawables
 from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
@@ -38,7 +38,7 @@ def extras(model: TreeModel) -> Extras:
             Level(box_mesh(0.3, 1.9), thinned, model.atlas.prototypes, EMPTY_MESH, 540.0),
             Level(box_mesh(0.2, 1.0), NO_LEAVES, (), box_mesh(2.0, 3.0), 54.0),
         ),
-        card_atlas=CARD_ATLAS,
+        pictures={"leaf_cards": CARD_ATLAS},
     )
 
 

@@ -1,0 +1,126 @@
+"""Dressing: the pictures that a tree wears in each season, and what each season changes in its asset.
+
+A season's pictures are those of the leaves, of the cards, and of the six sides of the tree's box (drawMode).
+Their names are those of the tree as photographed with an ending: leaf_autumn, leaf_cards_winter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from forestgen.arrays import stage_rng
+from forestgen.render.cards import CardPlan, bake_cards
+from forestgen.render.side_cards import side_cards
+from forestgen.tree.delight import delit
+from forestgen.tree.level import NO_LEAVES, Level, full_level
+from forestgen.tree.model import TreeModel
+from forestgen.tree.seasons import Season, fallen, season_atlas, seasons_of
+from forestgen.usd.card_textures import AXES
+from forestgen.usd.extras import CARDS, LEAF, picture_path
+from forestgen.usd.geometry import Box, level_box, union
+from forestgen.usd.seasons import SeasonLook
+from forestgen.usd.tree_asset import card_name
+from forestgen.usd.tree_layers import DELIT
+from forestgen.usd.variants import level_name
+
+Pictures = dict[str, NDArray[np.uint8]]
+
+
+def dress(
+    model: TreeModel, levels: Sequence[Level], plan: CardPlan, *, without_light: bool = False
+) -> tuple[Pictures, dict[Season, SeasonLook]]:
+    """The pictures of a tree with these levels after the full one, and what each season changes.
+
+    The leaf atlas as photographed is the model's own and not among them. Where `without_light`, leaves and
+    cards have a second picture.
+
+    Raises:
+        RenderError: no OpenGL to draw with.
+    """
+    every = [full_level(model), *levels]
+    box = union([level_box(level) for level in every])
+    wears_cards = any(len(level.cards.faces) for level in levels)
+    pictures: Pictures = {}
+    looks: dict[Season, SeasonLook] = {}
+    for season in seasons_of(model):
+        is_bare = season == "winter" and not model.evergreen
+        rng = stage_rng(model.seed, "seasons", season)
+        leaf = None
+        if len(model.leaves) and not is_bare:
+            leaf = season_atlas(model.atlas, season, evergreen=model.evergreen, rng=rng)
+        gone = {
+            level_name(k): fallen(level.leaves, season, evergreen=model.evergreen, rng=rng)
+            for k, level in enumerate(every)
+            if len(level.leaves) and not is_bare
+        }
+        made: Pictures = {}
+        if season == "photo" or not _is_as_photographed(model, leaf):
+            made = draw_pictures(model, levels, plan if wears_cards else None, box, leaf, without_light)
+        ending = "" if season == "photo" else f"_{season}"
+        pictures |= {name + ending: image for name, image in made.items()}
+        looks[season] = season_look(made, ending, gone, is_bare, without_light) if ending else SeasonLook()
+    pictures.pop(LEAF, None)
+    return pictures, looks
+
+
+def _is_as_photographed(model: TreeModel, leaf: NDArray[np.uint8] | None) -> bool:
+    """Whether a tree with this leaf atlas (none where it is bare) looks as in its photo."""
+    return np.array_equal(leaf, model.atlas.rgba) if leaf is not None else not len(model.leaves)
+
+
+def draw_pictures(
+    model: TreeModel,
+    levels: Sequence[Level],
+    plan: CardPlan | None,
+    box: Box,
+    leaf: NDArray[np.uint8] | None,
+    without_light: bool,
+) -> Pictures:
+    """What a tree wears with a leaf atlas (H, W, 4), or bare; on cards where there is a plan of them.
+
+    The sides of the box (2, 3) are drawn from the first coarser level, which is meant for their size.
+    """
+    shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
+    made: Pictures = {}
+    if leaf is not None:
+        made[LEAF] = leaf
+    if plan is not None:
+        made[CARDS] = bake_cards(plan, model, leaf)
+    if without_light and leaf is not None:
+        made[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
+        if plan is not None:
+            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT])
+    sides = side_cards(shown if leaf is not None else replace(shown, leaves=NO_LEAVES), box, leaf_rgba=leaf)
+    return made | {card_name(face): image for face, image in sides.items()}
+
+
+def _as_level(model: TreeModel, level: Level) -> TreeModel:
+    """The tree with a level's wood and leaves for its own."""
+    atlas = replace(model.atlas, prototypes=level.prototypes)
+    return replace(model, mesh=level.mesh, leaves=level.leaves, atlas=atlas)
+
+
+def season_look(
+    made: Collection[str], ending: str, gone: dict[str, NDArray[np.int64]], is_bare: bool, without_light: bool
+) -> SeasonLook:
+    """What a season changes: pictures `made` for it, by their names without its `ending`, and leaves gone by level.
+
+    Cards of bare wood are the same without the photo's light.
+    """
+    foliage = [name for name in (LEAF, CARDS) if name in made]
+    lit = foliage if without_light else []
+    return SeasonLook(
+        pictures={name: picture_path(name + ending) for name in foliage},
+        delit={name: picture_path((name + DELIT if name + DELIT in made else name) + ending) for name in lit},
+        fallen={} if is_bare else gone,
+        is_bare=is_bare,
+        attributes={
+            f"model:cardTexture{face}": picture_path(card_name(face) + ending)
+            for face in AXES
+            if card_name(face) in made
+        },
+    )
