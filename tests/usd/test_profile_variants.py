@@ -12,9 +12,9 @@ from forestgen.usd.profiles import PROFILES, write_profile
 from forestgen.usd.read import read_drawables
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
+from tests.usd.dressed_tree import DRESS, dressed
 from tests.usd.models import tree_model
 from tests.usd.test_levels import extras
-from tests.usd.dressed_tree import DRESS, dressed
 
 MADE_OVER = [profile for profile in PROFILES if profile != "usd"]
 PICTURES = {  # of the full level
