@@ -1,4 +1,7 @@
-"""Fixtures: every profile of a leafy and a bare tree and of their scene, for readers to read."""
+"""Fixtures: every profile of a leafy and a bare tree and of their scene, for readers to read.
+
+The scene comes twice: trees as prims (`wood`), and as points of an instancer (`points`).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,8 @@ import pytest
 from forestgen.usd.profiles import PROFILES, write_profile
 from tests.usd.subjects import write_subject
 
-SUBJECTS = {"oak": "trees/oak", "bare": "trees/bare", "wood": "."}
+SUBJECTS = {"oak": "out/trees/oak", "bare": "out/trees/bare", "wood": "out", "points": "points"}
+ROOT_PRIMS = {"oak": "oak", "bare": "bare", "wood": "wood", "points": "wood"}  # the default prims' names
 Made = dict[tuple[str, str], Path]
 
 
@@ -18,6 +22,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A scene of two trees, written; not to be changed."""
     folder = tmp_path_factory.mktemp("readers ü") / "out"
     write_subject(folder)
+    write_subject(folder.with_name("points"), "points")
     return folder
 
 
@@ -26,7 +31,7 @@ def made(out: Path) -> Made:
     """The file of each profile, by (subject, profile); not to be changed."""
     home = out.parent / "profiles"
     return {
-        (subject, profile): write_profile(out / where, home / subject / profile, profile)
+        (subject, profile): write_profile(out.parent / where, home / subject / profile, profile)
         for subject, where in SUBJECTS.items()
         for profile in PROFILES
     }

@@ -37,7 +37,7 @@ def test_the_oak_as_we_draw_it(made: Made, out: Path, tmp_path: Path, profile: s
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("subject", ["bare", "wood"])
+@pytest.mark.parametrize("subject", ["bare", "wood", "points"])
 def test_everything_arrives(made: Made, subject: str, profile: str) -> None:
     path = made[subject, profile]
     answer = ask("bpy", "blender_reads.py", path)

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from pxr import Usd
 
 from forestgen.usd.profiles import PROFILES
-from tests.readers.conftest import SUBJECTS, Made
+from tests.readers.conftest import ROOT_PRIMS, SUBJECTS, Made
 from tests.readers.strangers import ask, assert_agree, composed, places
 
 
@@ -16,7 +16,7 @@ from tests.readers.strangers import ask, assert_agree, composed, places
 def test_it_reads_what_usd_reads(made: Made, subject: str, profile: str) -> None:
     path = made[subject, profile]
     answer = ask("lightusd", "lightusd_reads.py", path)
-    assert (answer["up"], answer["metres"], answer["default"]) == ("Y", 1.0, subject)
+    assert (answer["up"], answer["metres"], answer["default"]) == ("Y", 1.0, ROOT_PRIMS[subject])
     stage = Usd.Stage.Open(str(path))
     ours = composed(stage)
     assert len(ours) >= 1

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from forestgen.camera import Camera
-from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
 from forestgen.tree.mesh import GeneralisedCylinders
 from forestgen.tree.model import Atlas, Bark, LeafPrototype, Leaves, TreeModel
 from forestgen.usd.cameras import write_cameras
-from forestgen.usd.forest_scene import write_forest
+from forestgen.usd.extras import Extras
+from forestgen.usd.forest_scene import Instancing, write_forest
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.tree.skeletons import random_tree
 from tests.usd.conftest import FOREST
@@ -84,17 +84,17 @@ def levels(model: TreeModel) -> Extras:
             Level(box_mesh(0.3, 3.0), thinned, model.atlas.prototypes, EMPTY_MESH, 400.0),
             Level(box_mesh(0.2, 2.0), NO_LEAVES, (), cards, 100.0),
         ),
-        card_atlas=np.full((8, 8, 4), 200, np.uint8),
+        pictures={"leaf_cards": np.full((8, 8, 4), 200, np.uint8)},
         wind=True,
         guides=True,
     )
 
 
-def write_subject(folder: Path, n_leaves: int = 600) -> Path:
+def write_subject(folder: Path, instancing: Instancing = "auto") -> Path:
     """Write OUT/trees/oak (three levels) and OUT/trees/bare (one), and a scene of both; give its path."""
     assets, cameras = {}, {}
-    for name, model in (("oak", leafy_model(n_leaves=n_leaves)), ("bare", tree_model(n_leaves=0, name="bare"))):
+    for name, model in (("oak", leafy_model()), ("bare", tree_model(n_leaves=0, name="bare"))):
         home = folder / "trees" / name
         assets[name] = write_tree_asset(model, home, levels(model) if name == "oak" else None)
         cameras[name] = write_cameras(model, home)
-    return write_forest(FOREST, assets, cameras, folder / "wood.usda", "wood")
+    return write_forest(FOREST, assets, cameras, folder / "wood.usda", "wood", instancing=instancing)

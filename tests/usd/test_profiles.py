@@ -20,14 +20,15 @@ from forestgen.usd.validate import validate
 from tests.usd.models import tree_model
 from tests.usd.subjects import write_subject
 
-SUBJECTS = {"oak": "trees/oak", "bare": "trees/bare", "wood": "."}
+SUBJECTS = {"oak": "out/trees/oak", "bare": "out/trees/bare", "wood": "out", "points": "points"}
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A scene of a leafy and a bare tree; not to be changed."""
+    """A scene of a leafy and a bare tree, beside it the same by an instancer of trees; not to be changed."""
     folder = tmp_path_factory.mktemp("aus ü") / "out"
     write_subject(folder)
+    write_subject(folder.with_name("points"), "points")
     return folder
 
 
@@ -36,7 +37,7 @@ def made(out: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str,
     """Every profile of both trees and of the scene, by (subject, profile); not to be changed."""
     home = tmp_path_factory.mktemp("profiles")
     return {
-        (subject, profile): write_profile(out / where, home / subject / profile, profile)
+        (subject, profile): write_profile(out.parent / where, home / subject / profile, profile)
         for subject, where in SUBJECTS.items()
         for profile in PROFILES
     }
@@ -84,7 +85,7 @@ def test_every_profile_shows_the_full_tree(
     made: dict[tuple[str, str], Path], out: Path, subject: str, profile: str
 ) -> None:
     """Small enough for all budgets here: the finest level everywhere."""
-    assert_same_picture(made[subject, profile], find_root(out / SUBJECTS[subject]))
+    assert_same_picture(made[subject, profile], find_root(out.parent / SUBJECTS[subject]))
 
 
 @pytest.mark.parametrize("profile", PROFILES)
@@ -117,8 +118,9 @@ def test_a_profile_can_be_moved_alone(made: dict[tuple[str, str], Path], tmp_pat
 def test_usd_is_the_asset_file_by_file(made: dict[tuple[str, str], Path], out: Path) -> None:
     for subject, where in SUBJECTS.items():
         copied = made[subject, "usd"].parent
-        for file in (path.relative_to(out / where) for path in (out / where).rglob("*") if path.is_file()):
-            assert (copied / file).read_bytes() == (out / where / file).read_bytes()
+        home = out.parent / where
+        for file in (path.relative_to(home) for path in home.rglob("*") if path.is_file()):
+            assert (copied / file).read_bytes() == (home / file).read_bytes()
     stage = Usd.Stage.Open(str(made["oak", "usd"]))
     assert stage.GetDefaultPrim().GetVariantSet("LOD").GetVariantNames() == ["LOD0", "LOD1", "LOD2", "all"]
 
@@ -193,16 +195,17 @@ def test_flat_profiles_are_one_package_of_plain_meshes(made: dict[tuple[str, str
     assert not surface.HasAttribute("inputs:opacityMode")  # newer than ARKit's readers
 
 
+@pytest.mark.parametrize("subject", ["wood", "points"])
 @pytest.mark.parametrize("profile", FLAT)
 def test_a_flat_scene_has_each_tree_once_with_all_its_standings(
-    made: dict[tuple[str, str], Path], profile: str
+    made: dict[tuple[str, str], Path], profile: str, subject: str
 ) -> None:
-    stage = Usd.Stage.Open(str(made["wood", profile]))
+    stage = Usd.Stage.Open(str(made[subject, profile]))
     assert Usd.ModelAPI(stage.GetDefaultPrim()).GetKind() == "assembly"
     assert [prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()] == ["oak", "bare", "ground"]
     leaves = UsdGeom.Mesh(stage.GetPrimAtPath("/wood/oak/geo/leaves"))
     assert len(leaves.GetFaceVertexCountsAttr().Get()) == 2 * 2 * 600  # the oak and its copy
-    with zipfile.ZipFile(made["wood", profile]) as archive:
+    with zipfile.ZipFile(made[subject, profile]) as archive:
         assert "oak/textures/leaf.png" in archive.namelist()
         assert "bare/textures/bark.png" in archive.namelist()
 
