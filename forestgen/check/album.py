@@ -10,6 +10,8 @@ from pathlib import Path
 import cv2
 
 from forestgen.check import pictures
+from forestgen.check.lod_sheet import lod_sheet
+from forestgen.check.lods import DrawnLevel
 from forestgen.check.report import PictureFile, ViewReport
 from forestgen.check.score import ViewScore
 from forestgen.reference import Provenance
@@ -84,6 +86,12 @@ def view_report(album: Album, key: str, view: View, score: ViewScore, provenance
     )
     files = tuple(album.add(f"{key}_{what}", picture, caption, alt) for what, picture, caption, alt in shown)
     return ViewReport(score.photo, float(score.azimuth), score.is_bare, score.scores, score.failed, files)
+
+
+def draw_sheet(album: Album, levels: Sequence[DrawnLevel], name: str) -> tuple[PictureFile, ...]:
+    """The levels of detail side by side."""
+    words = "Levels of detail: as large as each other, and where one gives way to the next"
+    return (album.add("lods", lod_sheet(levels), words, f"Levels of detail of {name}"),)
 
 
 def draw_portraits(album: Album, studio: Studio, drawables: Sequence[Drawable], name: str) -> tuple[PictureFile, ...]:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from forestgen.check.album import Album, draw_portraits, view_report
+from forestgen.check.album import Album, draw_portraits, draw_sheet, view_report
 from forestgen.check.film import film_pictures
+from forestgen.check.lods import DrawnLevel, score_levels
 from forestgen.check.report import TreeReport
 from forestgen.check.score import Gates, count, make_gates, score_views
 from forestgen.errors import InputError
@@ -65,12 +66,13 @@ def check_tree(job: CheckJob) -> TreeReport:
         InputError: its folder is missing or broken.
         RenderError: no OpenGL to render with.
     """
-    from forestgen.usd.read import read_drawables
+    from forestgen.usd.lod_drawables import read_lod_drawables
 
     folder = job.out / "trees" / job.prim_name
     provenance = read_provenance(folder / "reference")
     views = read_views(folder / "reference")
-    drawables = read_drawables(folder / f"{job.prim_name}.usda")
+    levels = [DrawnLevel(*level) for level in read_lod_drawables(folder / f"{job.prim_name}.usda")]
+    drawables = levels[0].drawables
     with Studio(drawables) as studio:
         scores = score_views(studio, views, provenance.height, job.gates)
         album = Album(job.pictures, f"{REPORT}/{job.prim_name}")
@@ -79,6 +81,8 @@ def check_tree(job: CheckJob) -> TreeReport:
             for index, (view, score) in enumerate(zip(views, scores, strict=True))
         )
         portraits = draw_portraits(album, studio, drawables, provenance.name)
+    lods = score_levels(levels)
+    sheet = draw_sheet(album, levels, provenance.name) if lods else ()
     film = film_pictures(job.out / REPORT / job.prim_name, album.folder, album.href, provenance.name)
     is_tip = n_children(provenance.skeleton.parent) == 0
     return TreeReport(
@@ -92,6 +96,8 @@ def check_tree(job: CheckJob) -> TreeReport:
         costs={name: cost.tolist() for name, cost in provenance.costs.items()},
         notes=provenance.notes,
         pictures=portraits,
+        lods=tuple(lods),
+        lod_sheet=sheet,
         film=film,
     )
 

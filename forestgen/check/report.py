@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from forestgen.check.lods import LodScore
 from forestgen.check.plot import Panel, cost_panels
 from forestgen.check.score import AT_MOST, MEASURES, Gates
 
@@ -61,6 +62,8 @@ class TreeReport:
     notes: tuple[str, ...] = ()
     pictures: tuple[PictureFile, ...] = ()  # of the tree from other sides
     film: tuple[PictureFile, ...] = ()  # of its growth, where `forestgen grow` made one
+    lods: tuple[LodScore, ...] = ()  # levels of detail after the full tree
+    lod_sheet: tuple[PictureFile, ...] = ()  # all of them side by side
     error: str | None = None
 
     @property
@@ -99,10 +102,16 @@ def report_json(scene: str, trees: Sequence[TreeReport]) -> dict[str, Any]:
             "prim_name": tree.prim_name,
             "gates": {name: limit for name, limit in asdict(tree.gates).items() if limit is not None},
             "failed": list(tree.failed),
+            "lods": [_rounded(asdict(lod)) for lod in tree.lods],
             "notes": list(tree.notes),
         }
         rows.append(row if tree.error is None else {**row, "error": tree.error})
     return {"scene": scene, "passed": bool(trees) and all(tree.passed for tree in trees), "trees": rows}
+
+
+def _rounded(row: dict[str, Any]) -> dict[str, Any]:
+    """A row with its shares and pixels to four digits after the point."""
+    return {name: round(value, 4) if isinstance(value, float) else value for name, value in row.items()}
 
 
 def write_report(out: Path, scene: str, trees: Sequence[TreeReport]) -> dict[str, Any]:
