@@ -36,6 +36,7 @@ Jobs = Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON and nothing else.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log every stage with its seconds.")]
+Delit = Annotated[bool, typer.Option("--delit", help="Add the variant light=delit: leaves without the photo's light.")]
 Root = Annotated[Path | None, typer.Option(help="Folder that the manifest's paths may climb up to.")]
 
 GATE_FAILED, BAD_INPUT, NO_RENDERER, INTERRUPTED = 1, 2, 3, 130
@@ -51,6 +52,7 @@ def build(
     instancing: Annotated[
         str, typer.Option(help="What trees become: native prims, points of an instancer, or auto: points above 1,000.")
     ] = "auto",
+    delit: Delit = False,
     jobs: Jobs = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -63,7 +65,7 @@ def build(
 
     spec = load_scene(scene, root)
     with _progress([tree.name for tree in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, instancing=instancing, jobs=_n_workers(jobs), on_progress=on_progress)
+        build_scene(spec, out, instancing=instancing, delit=delit, jobs=_n_workers(jobs), on_progress=on_progress)
     _finish([out], quiet, as_json)
 
 
@@ -76,6 +78,7 @@ def tree(
     method: Annotated[str, typer.Option(help="tan2008, neubert2007 or kim2014, each also as NAME_paper.")] = "tan2008",
     seed: Annotated[int, typer.Option(min=0, help="Another seed grows another tree.")] = 0,
     evergreen: Annotated[bool, typer.Option("--evergreen", help="It keeps its leaves green all year.")] = False,
+    delit: Delit = False,
     quiet: Quiet = False,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -87,7 +90,7 @@ def tree(
 
     spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed, evergreen=evergreen)
     with _progress([one.name for one in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, jobs=1, on_progress=on_progress)
+        build_scene(spec, out, delit=delit, jobs=1, on_progress=on_progress)
     _finish([out], quiet, as_json)
 
 
