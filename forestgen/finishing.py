@@ -1,4 +1,4 @@
-"""Finishing: what an asset holds beside the tree: coarser levels of detail, cards, seasons, looks, wind data, guides."""
+"""Finishing: what an asset holds beside the tree: coarser levels, cards, seasons, looks, wind data, guides."""
 
 from __future__ import annotations
 

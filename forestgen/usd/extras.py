@@ -39,5 +39,5 @@ class Extras:
             raise ValueError(f"Extras.levels must serve smaller and smaller sizes, came {sizes}")
         if any(len(level.cards.faces) for level in self.levels) and CARDS not in self.pictures:
             raise ValueError(
-                f"Extras.levels has cards; expected their picture, {CARDS!r}, among {sorted(self.pictures)}"
+                f"Extras.levels has cards; expected {CARDS!r} among {sorted(self.pictures)}"
             )

@@ -8,7 +8,7 @@
     guides.usdc       /<name>/guides: the skeleton as curves, capsules to collide with
     materials.usdc    /<name>/mtl/bark, leaf, leaf_cards
     openpbr.usdc, autumn.usdc ...   what variants bring
-    textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png, card_*.png; of seasons leaf_autumn.png ...
+    textures/         leaf.png (colour and cut-out), bark.png, leaf_cards.png, card_*.png, leaf_autumn.png ...
     skeleton.json     the skeleton as data
 
 The structure is the one of the usd-wg asset guidelines.
