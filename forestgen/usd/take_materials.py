@@ -10,7 +10,7 @@ from pxr import Sdf, Usd
 from forestgen.errors import InputError
 
 SURFACE = "outputs:surface"  # the output of every renderer; others (mtlx:surface) are for those that know them
-NEW_INPUTS = ("inputs:opacityMode",)  # of UsdPreviewSurface since USD 26; readers of strict formats refuse it
+NEW_INPUTS = ("inputs:opacityMode",)  # of UsdPreviewSurface since USD 26: newer than the readers of packages
 
 
 def flat_materials(stage: Usd.Stage, materials: Iterable[Sdf.Path]) -> Sdf.Layer:
