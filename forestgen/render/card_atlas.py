@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.camera import Camera
-from forestgen.render.card_cutout import bled, cutout_alpha
+from forestgen.render.card_cutout import bled
+from forestgen.render.card_mips import lasting_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
 from forestgen.render.model_drawables import bark_rgba, leaf_drawables, leaf_places
@@ -40,8 +41,7 @@ def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | 
     for (left, top, width, height), part in zip(plan.cell.tolist(), plan.share.tolist(), strict=True):
         share[top : top + height, left : left + width] = part
     coverage = np.ascontiguousarray(picture[..., 3])
-    alpha = cutout_alpha(coverage, coverage * share)
-    return bled(picture, alpha)
+    return bled(picture, lasting_alpha(coverage, coverage * share))
 
 
 def _leaves(plan: CardPlan, model: TreeModel, rgba: NDArray[np.uint8]) -> list[Drawable]:

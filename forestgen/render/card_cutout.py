@@ -7,34 +7,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEAR = 3  # texels; over so wide a square the covered area is kept
-FINER = 3  # samples a texel along each way, at which interpolated alpha is judged
-HALVINGS = 9  # of the interval that holds a local threshold
+FINER = 3  # places a texel along each way, at which interpolated alpha is judged
+HALVINGS = 8  # of the interval that holds a local threshold
 LEAST = 1 / 255  # coverage below which a texel stays clear
 ENOUGH = 0.3  # coverage from which a texel lends its colour to those with too little
-SHOWN = 0.25  # alpha from which a texel keeps its own colour
+OWN = 0.05  # coverage from which a texel keeps its own colour
 
 
 def cutout_alpha(coverage: NDArray[np.float32], goal: NDArray[np.float32]) -> NDArray[np.float32]:
     """Alpha (H, W) in [0, 1] of which, interpolated, the share above one half is everywhere that of `goal`.
 
     `coverage` (H, W) is the share of each texel that is covered: what it holds is shown first where it is most.
-    Thin and sparse things never cover half a texel, and would vanish; full ones would swell. So each texel
-    has a threshold of its own, found by halving, that keeps the area in its neighbourhood.
     """
-    near = (NEAR, NEAR)
-    size = coverage.shape[::-1]
-    finer = (size[0] * FINER, size[1] * FINER)
-    wanted = cv2.boxFilter(goal, -1, near)
-    fine = cv2.resize(coverage, finer, interpolation=cv2.INTER_LINEAR)
-    low, high = np.zeros_like(coverage), np.ones_like(coverage)
-    for _ in range(HALVINGS):
-        threshold = (low + high) / 2
-        shown = (fine > cv2.resize(threshold, finer, interpolation=cv2.INTER_LINEAR)).astype(np.float32)
-        is_too_much = cv2.boxFilter(cv2.resize(shown, size, interpolation=cv2.INTER_AREA), -1, near) > wanted
-        low, high = np.where(is_too_much, threshold, low), np.where(is_too_much, high, threshold)
-    threshold = np.maximum((low + high) / 2, LEAST)
+    threshold = local_threshold(coverage, goal, FINER)
     alpha = np.clip(coverage / (2 * threshold), 0, 1)
     return np.where(coverage < LEAST, np.float32(0), alpha).astype(np.float32)
+
+
+def local_threshold(coverage: NDArray[np.float32], goal: NDArray[np.float32], finer: int) -> NDArray[np.float32]:
+    """The coverage (H, W) from which a texel is shown, so that as much of its neighbourhood is as `goal` says.
+
+    Thin and sparse things never cover half a texel, and would vanish; full ones would swell. So each texel has
+    a threshold of its own, found by halving, judged at `finer` samples a texel along each way.
+    """
+    near, size = (NEAR, NEAR), coverage.shape[::-1]
+    wanted = cv2.boxFilter(goal, -1, near)
+    fine = _finer(coverage, finer)
+    low, high = np.zeros_like(coverage), np.ones_like(coverage)
+    for _ in range(HALVINGS):
+        threshold = (low + high) * np.float32(0.5)
+        shown = (fine > _finer(threshold, finer)).astype(np.float32)
+        area = shown if finer == 1 else cv2.resize(shown, size, interpolation=cv2.INTER_AREA)
+        is_too_much = cv2.boxFilter(area, -1, near) > wanted
+        low, high = np.where(is_too_much, threshold, low), np.where(is_too_much, high, threshold)
+    return np.asarray(np.maximum((low + high) / 2, LEAST), np.float32)
+
+
+def shown_area(alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The share (H, W) of each texel in which interpolated alpha exceeds one half."""
+    shown = (_finer(alpha, FINER) > 0.5).astype(np.float32)
+    return np.asarray(cv2.resize(shown, alpha.shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _finer(image: NDArray[np.float32], n: int) -> NDArray[np.float32]:
+    """The image (H, W) interpolated at n x n places a texel."""
+    if n == 1:
+        return image
+    height, width = image.shape
+    return np.asarray(cv2.resize(image, (width * n, height * n), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -52,6 +72,6 @@ def bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np
     )
     nearest = np.zeros((int(label.max()) + 1, 3), np.float32)
     nearest[label[enough]] = rgb[enough]
-    rgb = np.where((alpha >= SHOWN)[..., None], rgb, nearest[label])
+    rgb = np.where((picture[..., 3] >= OWN)[..., None], rgb, nearest[label])
     straight = np.dstack([rgb, alpha])
     return np.asarray(np.round(np.clip(straight, 0, 1) * 255), np.uint8)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
 from forestgen.camera import Camera
+from forestgen.render.card_layout import groups
 from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
 from forestgen.render.model_drawables import leaf_places
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
@@ -24,8 +25,8 @@ from forestgen.tree.model import Mesh, TreeModel
 SIDE = 1024  # px of the card texture, both ways
 GUTTER = 4  # px between cells: two mip levels stay apart
 SWITCH_PX = 60.0  # at which cards and the full tree look alike
-N_CARDS = 100  # about; two triangles each
-LEVEL_GAP = 1.5  # level cards stand this much further apart: fewer look from above
+N_SLABS = 110  # over all families
+N_CARDS = 180  # two triangles each
 LEVEL_SHARE = 0.8  # of the coverage on level cards: seen aslant they come on top of the upright ones'
 UPRIGHT_SHARE = 0.97  # likewise where two upright families are seen together
 FAMILIES = tuple(Camera((1, 1), (0.0, 0.0), 1.0, *angles).axes for angles in ((0, 0), (np.pi / 2, 0), (0, np.pi / 2)))
@@ -69,29 +70,23 @@ class CardPlan:
         return Level(self.wood, NO_LEAVES, (), self.mesh, SWITCH_PX)
 
 
-def plan_cards(model: TreeModel, *, n_cards: int = N_CARDS, side: int = SIDE) -> CardPlan:
-    """Lay out about `n_cards` cards for a tree over a texture of `side` px."""
+def plan_cards(model: TreeModel, *, n_slabs: int = N_SLABS, n_cards: int = N_CARDS, side: int = SIDE) -> CardPlan:
+    """Lay out at most about `n_cards` cards for a tree over a texture of `side` px."""
     thick = thick_skeleton(model)
     twig = thin_faces(model, thick)
     low, high = _boxes(model, twig)
-    gap = _gap(low, high, n_cards)
-    card = np.zeros((low.shape[0], len(FAMILIES)), np.int64)
-    boxes: list[NDArray[np.float64]] = []
-    families: list[int] = []
-    for k, family_gap in enumerate((gap, gap, LEVEL_GAP * gap)):
-        depth = (low[:, k, 2] + high[:, k, 2]) / 2
-        weight = (high[:, k, :2] - low[:, k, :2]).prod(axis=1) + 1e-12
-        slab = _slabs(depth, family_gap)
-        card[:, k] = slab + len(boxes)
-        for s in range(int(slab.max(initial=-1)) + 1):
-            inside = slab == s
-            corner = np.array([low[inside, k].min(axis=0), high[inside, k].max(axis=0)])
-            corner[:, 2] = np.average(depth[inside], weights=weight[inside])
-            boxes.append(corner)
-            families.append(k)
-    box = np.array(boxes).reshape(-1, 2, 3)
+    cards = groups(low, high, n_slabs, n_cards, GUTTER + 1.0, side)
+    family = np.array([card.family for card in cards], np.int64)
+    shown_by = np.zeros((len(low), len(FAMILIES)), np.int64)
+    box = np.zeros((len(cards), 2, 3))
+    for c, card in enumerate(cards):
+        shown_by[card.member, card.family] = c
+        near, far = low[card.member, card.family], high[card.member, card.family]
+        box[c] = near.min(axis=0), far.max(axis=0)
+        weight = (far - near)[:, :2].prod(axis=1) + 1e-12
+        box[c, :, 2] = np.average((near + far)[:, 2] / 2, weights=weight)
     scale, cell = _packed(np.ptp(box[:, :, :2], axis=1), side)
-    axes = np.array(FAMILIES)[families].reshape(-1, 3, 3)
+    axes = np.array(FAMILIES)[family]
     return CardPlan(
         mesh=_card_mesh(box, axes, cell, scale, side) if len(box) else EMPTY_MESH,
         wood=coarse_wood(model, thick),
@@ -99,10 +94,10 @@ def plan_cards(model: TreeModel, *, n_cards: int = N_CARDS, side: int = SIDE) ->
         px_per_metre=scale,
         frame=_frames(box, axes, cell, scale, side),
         cell=cell,
-        share=np.array(SHARES)[families],
-        leaf_card=card[: len(model.leaves)],
+        share=np.array(SHARES)[family],
+        leaf_card=shown_by[: len(model.leaves)],
         twig=twig,
-        twig_card=card[len(model.leaves) :],
+        twig_card=shown_by[len(model.leaves) :],
     )
 
 
@@ -121,23 +116,6 @@ def _boxes(model: TreeModel, twig: NDArray[np.int64]) -> tuple[NDArray[np.float6
     corner = np.einsum("kai,tci->ckta", axes, model.mesh.points[model.mesh.faces[twig]])
     low[n:], high[n:] = corner.min(axis=0).swapaxes(0, 1), corner.max(axis=0).swapaxes(0, 1)
     return low, high
-
-
-def _gap(low: NDArray[np.float64], high: NDArray[np.float64], n_cards: int) -> float:
-    """Metres between the cards of an upright family, so that all families have `n_cards` together."""
-    middle = (low + high)[..., 2] / 2
-    extent = np.ptp(middle, axis=0) if len(middle) else np.zeros(len(FAMILIES))
-    return max(float(extent[0] + extent[1] + extent[2] / LEVEL_GAP) / n_cards, 1e-6)
-
-
-def _slabs(depth: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
-    """The slab (N,) that each depth falls into, counted without the empty ones."""
-    if not len(depth):
-        return np.zeros(0, np.int64)
-    n = max(1, round(float(np.ptp(depth)) / gap))
-    width = max(float(np.ptp(depth)) / n, 1e-12)
-    slab = np.clip(((depth - depth.min()) / width).astype(np.int64), 0, n - 1)
-    return np.unique(slab, return_inverse=True)[1].astype(np.int64)
 
 
 def _packed(sizes: NDArray[np.float64], side: int) -> tuple[float, NDArray[np.int64]]:

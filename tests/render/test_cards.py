@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from forestgen.camera import Camera
 from forestgen.check import metrics
 from forestgen.render import Drawable, Studio
-from forestgen.render.card_cutout import bled, cutout_alpha
+from forestgen.render.card_cutout import bled, cutout_alpha, shown_area
+from forestgen.render.card_mips import block_means, lasting_alpha
 from forestgen.render.card_wood import corners
 from forestgen.render.cards import CardPlan, bake_cards, plan_cards
 from forestgen.render.model_drawables import level_drawables
@@ -24,6 +25,7 @@ from tests.render.small_trees import HEIGHT, forked_tree
 
 PX = 60  # rows that the tree covers where cards take over
 FINER = 8
+SMALL = 256  # px of a texture that is quickly made
 VIEWS = [(0, 0), (45, 0), (90, 0), (135, 0), (30, 30)]
 
 
@@ -92,7 +94,7 @@ def test_one_leaf_lies_where_it_hung_on_three_cards():
 @pytest.mark.gl
 def test_without_leaves_the_cards_show_twigs_alone():
     model = forked_tree(300)
-    plan = plan_cards(model)
+    plan = plan_cards(model, side=SMALL)
     bare = bake_cards(plan, model, None)
     leafy = bake_cards(plan, model, model.atlas.rgba)
     shows, showed = bare[..., 3] >= 128, leafy[..., 3] >= 128
@@ -106,12 +108,12 @@ def test_without_leaves_the_cards_show_twigs_alone():
 @pytest.mark.gl
 def test_a_tree_without_leaves_has_its_twigs_on_cards_or_no_cards_at_all():
     model = forked_tree(0)
-    plan = plan_cards(model)
+    plan = plan_cards(model, side=SMALL)
     assert len(plan.twig)
     assert len(plan.leaf_card) == 0
     assert (bake_cards(plan, model, None)[..., 3] >= 128).any()
     trunk = forked_tree(0)
-    thick = plan_cards(with_radius(trunk, 0.1))
+    thick = plan_cards(with_radius(trunk, 0.1), side=SMALL)
     assert not len(thick.mesh.faces)
     assert not bake_cards(thick, with_radius(trunk, 0.1), None).any()
 
@@ -126,7 +128,7 @@ def with_radius(model: TreeModel, radius: float) -> TreeModel:
 def test_no_bright_fringe_where_the_cut_out_ends():
     """Every texel has the one colour of the leaves or of the bark; none has the empty background's."""
     model = forked_tree(300)
-    plan = plan_cards(model)
+    plan = plan_cards(model, side=SMALL)
     texture = bake_cards(plan, model, model.atlas.rgba).astype(int)
     bark = model.bark.rgb.reshape(-1, 3).astype(int)
     low = np.minimum(bark.min(axis=0), [80, 130, 50]) - 1
@@ -138,9 +140,9 @@ def test_no_bright_fringe_where_the_cut_out_ends():
 @pytest.mark.gl
 def test_the_same_bytes_again():
     model = forked_tree(200)
-    first, second = (bake_cards(plan_cards(model), model, model.atlas.rgba) for _ in range(2))
+    first, second = (bake_cards(plan_cards(model, side=SMALL), model, model.atlas.rgba) for _ in range(2))
     assert first.tobytes() == second.tobytes()
-    assert plan_cards(model).mesh.points.tobytes() == plan_cards(model).mesh.points.tobytes()
+    assert plan_cards(model, side=SMALL).mesh.points.tobytes() == plan_cards(model, side=SMALL).mesh.points.tobytes()
 
 
 def test_a_plan_is_lean_and_its_cells_lie_apart():
@@ -193,6 +195,28 @@ def test_cut_outs_keep_the_area_of_noise(cover):
     fine = cv2.resize(alpha, (960, 960), interpolation=cv2.INTER_LINEAR)
     assert (fine > 0.5).mean() == pytest.approx(cover, abs=0.03)
     assert (coverage > 0.5).mean() in (0, 1)
+
+
+@pytest.mark.gl
+def test_plain_mip_levels_keep_the_cards_covered():
+    """Averaged over 4 x 4 texels few leaves cover one half: a plain cut-out would lose most of the crown there."""
+    model = forked_tree(1500)
+    alpha = bake_cards(plan_cards(model), model, model.atlas.rgba)[..., 3].astype(np.float32) / 255
+    area = shown_area(alpha).mean()
+    assert shown_area(block_means(alpha, 2)).mean() / area == pytest.approx(1, abs=0.3)
+    assert shown_area(block_means(alpha, 4)).mean() / area == pytest.approx(1, abs=0.4)
+    cut = (alpha >= 0.5).astype(np.float32)
+    assert shown_area(block_means(cut, 4)).mean() / area < 0.5
+
+
+def test_raising_never_shows_what_is_empty_nor_fills_clear_ground():
+    coverage = np.zeros((64, 64), np.float32)
+    coverage[20:28, 20:28] = 0.3
+    alpha = lasting_alpha(coverage, coverage)
+    far = np.ones((64, 64), bool)
+    far[8:40, 8:40] = False  # no block of 8 texels away touches what is covered
+    assert (alpha[far] == 0).all()
+    assert (alpha[coverage == 0] < 0.5).all()
 
 
 def test_cut_outs_leave_full_and_empty_alone():
