@@ -132,10 +132,18 @@ def _converter(profile: str, level: int, variants: Mapping[str, str]) -> Convert
 
 
 def _copied(root: Path, made: Path, convert: Convert | None) -> Path:
-    """Copy a root layer and all that it needs into `made`; the trees among that are made over, if there is a way."""
+    """Copy a root layer and all that it needs into `made`; the trees among that are made over, if there is a way.
+
+    Raises:
+        InputError: a file is missing, or no tree is there to be made over.
+    """
     home = root.parent
     files = dependencies(root, home)
     trees = [file for file in files if is_tree(home / file)]
+    if convert and not trees:
+        raise InputError(
+            f"{root}: there is no tree in it; expected NAME/NAME.usda as built: a folder keeps its tree's name"
+        )
     folders = {tree.parent for tree in trees}
     kept = ALWAYS_KEPT if convert is None else ALWAYS_KEPT[:1]  # of what is made over only the cameras fit
     wanted = {folder / name for folder in folders for name in kept if (home / folder / name).is_file()}
