@@ -33,4 +33,4 @@ sh tools/readers/web.sh install
 tree="$OUT/growing/trees/cherry_pink"
 .venv/bin/forestgen build scenes/growing/scene.toml -o "$OUT/growing" --quiet
 .venv/bin/forestgen grow "$tree" --frames 180 --fps 24 --no-film --quiet
-FORESTGEN_OUT="$OUT" .venv/bin/pytest -q tests/readers
+FORESTGEN_OUT="$OUT/growing" .venv/bin/pytest -q tests/readers
