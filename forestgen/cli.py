@@ -37,6 +37,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON and nothing else.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log every stage with its seconds.")]
 Delit = Annotated[bool, typer.Option("--delit", help="Add the variant light=delit: leaves without the photo's light.")]
+OpenPBR = Annotated[bool, typer.Option("--openpbr", help="Add the variant look=openpbr: leaves let light through.")]
 Root = Annotated[Path | None, typer.Option(help="Folder that the manifest's paths may climb up to.")]
 
 GATE_FAILED, BAD_INPUT, NO_RENDERER, INTERRUPTED = 1, 2, 3, 130
@@ -53,6 +54,7 @@ def build(
         str, typer.Option(help="What trees become: native prims, points of an instancer, or auto: points above 1,000.")
     ] = "auto",
     delit: Delit = False,
+    openpbr: OpenPBR = False,
     jobs: Jobs = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -60,12 +62,20 @@ def build(
 ) -> None:
     """Build every tree of a scene, its USD stage, and the report that scores it."""
     _start_logging(verbose)
+    from forestgen.finishing import Finish
     from forestgen.pipeline import build_scene
     from forestgen.scene.manifest import load_scene
 
     spec = load_scene(scene, root)
     with _progress([tree.name for tree in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, instancing=instancing, delit=delit, jobs=_n_workers(jobs), on_progress=on_progress)
+        build_scene(
+            spec,
+            out,
+            instancing=instancing,
+            wanted=Finish(delit, openpbr),
+            jobs=_n_workers(jobs),
+            on_progress=on_progress,
+        )
     _finish([out], quiet, as_json)
 
 
@@ -79,18 +89,20 @@ def tree(
     seed: Annotated[int, typer.Option(min=0, help="Another seed grows another tree.")] = 0,
     evergreen: Annotated[bool, typer.Option("--evergreen", help="It keeps its leaves green all year.")] = False,
     delit: Delit = False,
+    openpbr: OpenPBR = False,
     quiet: Quiet = False,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
     """Build one tree from one photo and its strokes."""
     _start_logging(verbose)
+    from forestgen.finishing import Finish
     from forestgen.pipeline import build_scene
     from forestgen.scene.manifest import single_tree_scene
 
     spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed, evergreen=evergreen)
     with _progress([one.name for one in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, delit=delit, jobs=1, on_progress=on_progress)
+        build_scene(spec, out, wanted=Finish(delit, openpbr), jobs=1, on_progress=on_progress)
     _finish([out], quiet, as_json)
 
 

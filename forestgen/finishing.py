@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from forestgen.dressing import dress
 from forestgen.errors import RenderError
@@ -13,21 +14,30 @@ from forestgen.tree.model import TreeModel
 from forestgen.usd.extras import Extras
 
 
-def finish(model: TreeModel, *, without_light: bool = False) -> Extras:
-    """All that goes into a tree's asset beside the tree; with pictures of leaves `without_light` as a variant.
+@dataclass(frozen=True)
+class Finish:
+    """What a tree's asset holds only where it is asked for."""
+
+    delit: bool = False  # variant set `light`: leaves without the photo's light
+    openpbr: bool = False  # variant set `look`: validators that know no MaterialX report its nodes as unknown
+
+
+def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
+    """All that goes into a tree's asset beside the tree.
 
     Cards are drawn: where OpenGL is missing there are none, no seasons either, and the user is told.
     """
+    wanted = wanted or Finish()
     finer = [coarser_level(model, step) for step in LOD_STEPS]
     plan = plan_cards(model)
     cards = [plan.level(model)] if len(plan.mesh.faces) else []
     levels = coarsening(model, [*finer, *cards])
     try:
-        pictures, seasons = dress(model, levels, plan, without_light=without_light)
+        pictures, seasons = dress(model, levels, plan, without_light=wanted.delit)
     except RenderError as error:
         told = (f"without cards and seasons, which are drawn: {error}",)
-        return Extras(coarsening(model, finer), openpbr=True, wind=True, guides=True, notes=told)
-    return Extras(levels, pictures, seasons, openpbr=True, wind=True, guides=True)
+        return Extras(coarsening(model, finer), openpbr=wanted.openpbr, wind=True, guides=True, notes=told)
+    return Extras(levels, pictures, seasons, openpbr=wanted.openpbr, wind=True, guides=True)
 
 
 def coarsening(model: TreeModel, levels: Sequence[Level]) -> tuple[Level, ...]:

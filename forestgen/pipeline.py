@@ -19,7 +19,7 @@ from forestgen.build_record import (
     write_seconds,
 )
 from forestgen.errors import InputError, RenderError, StageError
-from forestgen.finishing import finish
+from forestgen.finishing import Finish, finish
 from forestgen.scene.forest import place
 from forestgen.scene.manifest import Scene, TreeSpec, ViewSpec
 from forestgen.staging import install, staging
@@ -108,7 +108,7 @@ class _Job:
 
     tree: TreeSpec
     trees: Path  # the folder that holds the trees' folders
-    delit: bool  # leaves without the photo's light as a variant
+    wanted: Finish
 
 
 def _build_job(job: _Job, on_stage: OnStage) -> dict[str, float]:
@@ -119,7 +119,7 @@ def _build_job(job: _Job, on_stage: OnStage) -> dict[str, float]:
         raise StageError("there is too little memory for it: use a smaller photo, or fewer --jobs") from error
     on_stage("levels", 0, 0)
     start = perf_counter()
-    extras = finish(model, without_light=job.delit)
+    extras = finish(model, job.wanted)
     on_stage("write", 0, 0)
     finished = perf_counter()
     _write_tree(model, job.trees / job.tree.prim_name, extras)
@@ -131,7 +131,7 @@ def build_scene(
     out: Path,
     *,
     instancing: str = "auto",
-    delit: bool = False,
+    wanted: Finish | None = None,
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> dict[str, Any]:
@@ -140,8 +140,8 @@ def build_scene(
     All is made in a hidden folder inside `out` and takes its place at the end, so an interrupted build
     leaves an earlier one as it was. A tree that a stage cannot build is left out of the stage and named
     in the report. `instancing` says what the trees become on the stage: `native` prims, `points` of an
-    instancer, or `auto`; with `delit`, leaves have a variant without the photo's light. Trees of an
-    earlier build in `out` that the scene no longer names are removed.
+    instancer, or `auto`; `wanted`, what assets hold only where it is asked for. Trees of an earlier
+    build in `out` that the scene no longer names are removed.
 
     Raises:
         InputError: the scene, `out` or `instancing` cannot be used; nothing was written.
@@ -155,7 +155,7 @@ def build_scene(
     fresh = [BUILD, SECONDS, *(f"trees/{tree.prim_name}" for tree in scene.trees), stage, arrays]
     stale = stale_entries(out, [*fresh, *REPORT])
     with staging(out) as work:
-        seconds, errors = _build_trees(scene, work / "trees", delit, jobs, _unfinished(on_progress))
+        seconds, errors = _build_trees(scene, work / "trees", wanted or Finish(), jobs, _unfinished(on_progress))
         _write_stage(_without(scene, set(errors)), work, kind)
         write_record(work, scene, errors)
         write_seconds(work, seconds)
@@ -172,10 +172,10 @@ def build_scene(
 
 
 def _build_trees(
-    scene: Scene, trees: Path, delit: bool, jobs: int, on_progress: OnProgress | None
+    scene: Scene, trees: Path, wanted: Finish, jobs: int, on_progress: OnProgress | None
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
     """Build all trees below a folder; returns seconds by prim name, and by name why a tree could not be built."""
-    outcomes = run_parallel(_build_job, [_Job(tree, trees, delit) for tree in scene.trees], jobs, on_progress)
+    outcomes = run_parallel(_build_job, [_Job(tree, trees, wanted) for tree in scene.trees], jobs, on_progress)
     seconds, errors = {}, {}
     for tree, outcome in zip(scene.trees, outcomes, strict=True):
         if isinstance(outcome, StageError):
