@@ -14,6 +14,7 @@ SIDES = tuple((k * np.pi / 8, 0.0) for k in range(8)) + tuple((k * np.pi / 2, np
 CELLS = 160  # cells of the grid along the longest extent
 CLOSING = 0.02  # share of that extent: gaps up to twice this wide are no outline
 ROOM = 6  # empty cells around
+HOLE = 0.01  # share of the silhouette above which a gap in it has an outline of its own
 OUTLINE_WEIGHT = 8.0  # how much likelier it is that what draws the outline stays, over what lies inside
 AT_OUTLINE, INSIDE = 0.01, 0.02  # depths down to which that holds in full, and from which on not at all
 
@@ -27,7 +28,7 @@ def outline_weight(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def depth_below_outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far (N,) each point (N, 3) lies inside the silhouette of all, at the side where that is least.
 
-    In shares of the points' longest extent, to one part in CELLS; silhouettes are closed and their holes filled.
+    In shares of the points' longest extent, to one part in CELLS; silhouettes are closed and their small holes filled.
     """
     if not len(points):
         return np.zeros(0)
@@ -41,7 +42,16 @@ def depth_below_outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
         mask = np.zeros((width, width), np.uint8)
         mask[row, column] = 1
         closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc(CLOSING * CELLS))
-        inside = np.pad(binary_fill_holes(closed).astype(np.uint8), 1)
+        inside = np.pad(without_small_holes(closed > 0).astype(np.uint8), 1)
         depth = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
         least = np.minimum(least, depth[row, column])
     return np.asarray((least - 0.5) / CELLS)
+
+
+def without_small_holes(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask (H, W) with its holes filled, but for those that are seen as such."""
+    filled = np.asarray(binary_fill_holes(mask), np.bool_)
+    _, label, stats, _ = cv2.connectedComponentsWithStats((filled & ~mask).astype(np.uint8), connectivity=4)
+    is_large = stats[:, cv2.CC_STAT_AREA] > HOLE * np.count_nonzero(filled)
+    is_large[0] = False
+    return np.asarray(filled & ~is_large[label], np.bool_)

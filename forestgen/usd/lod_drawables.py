@@ -29,7 +29,7 @@ def read_lod_drawables(path: Path) -> Iterator[tuple[str, float, list[Drawable]]
         raise InputError(f"{path}: has no default prim; expected the root layer of a built tree")
     heuristic = stage.GetPrimAtPath(root.GetPath().AppendChild(SIZES))
     shares = heuristic.GetAttribute("thresholds").Get() if heuristic else None
-    sizes = [math.inf, *(SCREEN_PX * float(share) for share in shares or ())]
+    sizes = [math.inf, *(round(SCREEN_PX * float(share), 3) for share in shares or ())]  # stored as floats
     choice = root.GetVariantSet(LOD_SET)
     names = [name for name in choice.GetVariantNames() if name != ALL] or ["LOD0"]
     if len(names) != len(sizes):

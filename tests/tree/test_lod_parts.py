@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from forestgen.tree.limbs import limbs_along, thickest_child
 from forestgen.tree.lod_leaves import leaf_order, turned
 from forestgen.tree.lod_order import bit_reversed, morton
-from forestgen.tree.lod_outline import OUTLINE_WEIGHT, depth_below_outline, outline_weight
+from forestgen.tree.lod_outline import OUTLINE_WEIGHT, depth_below_outline, outline_weight, without_small_holes
 from forestgen.tree.lod_prototypes import covered_area, face_areas, simpler
 from forestgen.tree.lod_wood import limb_sizes, polygon_width, thickening, thinned_out
 from forestgen.tree.skeleton import Skeleton
@@ -73,6 +73,14 @@ def test_points_of_a_ball_are_as_deep_as_they_lie_inside() -> None:
     weight = outline_weight(points)
     assert weight.max() == OUTLINE_WEIGHT
     assert np.all(weight[far < 0.4] == 1)
+
+
+def test_only_large_holes_have_an_outline() -> None:
+    mask = np.ones((40, 40), bool)
+    mask[5:7, 5:7] = mask[20:30, 20:30] = False  # 4 and 100 cells of 1600
+    expected = np.ones((40, 40), bool)
+    expected[20:30, 20:30] = False
+    assert_array_equal(without_small_holes(mask), expected)
 
 
 def test_depth_of_no_point_and_of_one() -> None:
