@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from forestgen.export.subject import Subject
 from forestgen.reference import write_provenance
-from forestgen.tree.extras import Extras
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level, full_level
 from forestgen.tree.model import Leaves, Mesh, TreeModel
+from forestgen.usd.extras import CARDS, Extras
 from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.usd.models import box_mesh, random_leaves, tree_model
@@ -79,7 +79,7 @@ def oak() -> TreeModel:
 
 def write_tree(model: TreeModel, folder: Path) -> Path:
     """Write a tree with its three levels as a build does; give its folder."""
-    write_tree_asset(model, folder, Extras(levels_of(model)[1:], CARD_RGBA))
+    write_tree_asset(model, folder, Extras(levels_of(model)[1:], {CARDS: CARD_RGBA}))
     write_provenance(model, folder / "reference")
     return folder
 

@@ -21,7 +21,7 @@ from forestgen.usd.profiles import write_profile
 from tests.export.glb_reader import Glb
 from tests.export.subjects import leafy_levels, leafy_oak, read_subject, write_tree
 from tests.readers.strangers import iou, our_mask
-from tests.readers.test_samples import OUT, TREES
+from tests.readers.test_samples import TREES
 from tests.readers.web import far_job, job, show, validate
 from tests.usd.models import tree_model
 
@@ -241,7 +241,7 @@ def test_each_tree_of_a_scene_stands_in_its_place(shown: Shown, leafy: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not TREES, reason=f"nothing was built into {OUT.name}/: make readers, or make demo")
+@pytest.mark.skipif(not TREES, reason="no FORESTGEN_OUT with trees that were built: make readers")
 @pytest.mark.parametrize("tree", TREES, ids=lambda tree: tree.name)
 def test_a_tree_from_a_photo(tree: Path, tmp_path: Path) -> None:
     """The GLB, each level of detail in it, and the web profile."""
