@@ -21,17 +21,20 @@ from forestgen.errors import InputError
 from forestgen.export.gltf import write_glb, write_scene_glb
 from forestgen.export.obj import write_obj
 from forestgen.export.subject import Subject
-from forestgen.finishing import coarsening, finish
+from forestgen.finishing import Finish, coarsening, finish
 from forestgen.reference import write_provenance
 from forestgen.tree.level import Level
 from forestgen.tree.lod import fit_level
 from forestgen.tree.model import TreeModel
+from forestgen.usd.lights import LIGHT_SET
+from forestgen.usd.looks import LOOK_SET
 from forestgen.usd.profiles import FLAT, find_root, is_tree, write_profile
 from forestgen.usd.profiles import PROFILES as USD_PROFILES
 from forestgen.usd.read_forest import read_forest
 from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
 from forestgen.usd.rig import write_rig
 from forestgen.usd.tree_asset import write_tree_asset
+from forestgen.usd.variants import variant_sets
 
 PROFILES = (*USD_PROFILES, "glb", "obj")
 
@@ -134,7 +137,8 @@ def _refitted(root: Path, work: Path, wishes: Wishes) -> Path:
 def _refit(folder: Path, target: Path, wishes: Wishes) -> None:
     """Write the tree of a folder again, its finest level within the budgets, coarser ones made from that."""
     model, _ = _within(folder, wishes)
-    write_tree_asset(model, target, finish(model))
+    sets = variant_sets(folder / f"{folder.name}.usda")
+    write_tree_asset(model, target, finish(model, Finish(LIGHT_SET in sets, LOOK_SET in sets)))
     write_provenance(model, target / "reference")
     if (folder / "cameras.usda").is_file():
         shutil.copyfile(folder / "cameras.usda", target / "cameras.usda")

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from forestgen.errors import InputError
 from forestgen.exporting import PROFILES, Wishes, export, parse_variants
+from forestgen.finishing import Finish, finish
 from forestgen.reference import write_provenance
 from forestgen.usd.cameras import write_cameras
 from forestgen.usd.forest_scene import write_forest
@@ -18,6 +19,7 @@ from forestgen.usd.read_forest import read_forest
 from forestgen.usd.read_model import read_levels
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate_file
+from forestgen.usd.variants import variant_sets
 from tests.small_scene import digests
 from tests.usd.conftest import FOREST
 from tests.usd.models import tree_model
@@ -165,3 +167,11 @@ def test_variants_are_read_as_users_write_them() -> None:
     for wrong in (["season"], ["=x"], ["season="], ["a=b", "a=c"]):
         with pytest.raises(InputError, match="expected SET=VARIANT"):
             parse_variants(wrong)
+
+
+def test_a_budget_keeps_the_variants_that_were_asked_for(tmp_path: Path) -> None:
+    model = tree_model()
+    write_tree_asset(model, tmp_path / "oak", finish(model, Finish(delit=True, openpbr=True)))
+    write_provenance(model, tmp_path / "oak" / "reference")
+    (file,) = export(tmp_path / "oak", tmp_path / "few", "usd", Wishes(max_instances=30))
+    assert sorted(variant_sets(file)) == ["light", "look", "season"], "so small a tree needs one level"

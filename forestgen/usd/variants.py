@@ -10,9 +10,11 @@ One truth: both ways choose among the same prims below geo.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from pxr import Sdf, Usd, UsdGeom, UsdLod, Vt
 
+from forestgen.errors import InputError
 from forestgen.tree.level import SCREEN_PX
 from forestgen.usd.geometry import Box, vec3f
 
@@ -23,6 +25,19 @@ SIZES = "lod_sizes"
 def level_name(k: int) -> str:
     """LOD0 is the full tree: readers that know the set (Unreal) want these names."""
     return f"LOD{k}"
+
+
+def variant_sets(path: Path) -> list[str]:
+    """The names of the variant sets on the default prim of a tree's root layer, from that layer alone.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    layer = Sdf.Layer.OpenAsAnonymous(str(path)) if path.is_file() else None
+    if layer is None:
+        raise InputError(f"{path}: cannot be read; expected the root layer of a built tree: build it again")
+    sets = layer.GetPrimAtPath(f"/{layer.defaultPrim}").variantSets
+    return [str(name) for name in sets.keys()]  # noqa: SIM118 - by itself it gives values
 
 
 def define_lod_sizes(stage: Usd.Stage, root: Sdf.Path, switch_px: Sequence[float], box: Box) -> None:
