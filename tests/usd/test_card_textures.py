@@ -130,14 +130,14 @@ def test_a_flat_box_is_refused():
         side_cards(forked_tree(0), [[0, 0, 0], [1, 0, 1]])
 
 
-def with_cards(folder: Path) -> Path:
+def with_cards(folder: Path, *, n_leaves: int = 60, longest: int = 64) -> Path:
     """A written tree with its draw mode."""
-    model = forked_tree(60)
+    model = forked_tree(n_leaves)
     path = write_tree_asset(model, folder / "forked")
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetDefaultPrim()
     box = np.array(UsdGeom.ModelAPI(prim).GetExtentsHint())
-    for face, picture in side_cards(model, box, longest=64).items():
+    for face, picture in side_cards(model, box, longest=longest).items():
         write_png(picture, path.parent / "textures" / card_file(face))
     define_draw_mode(prim, {face: f"./textures/{card_file(face)}" for face in AXES}, [0.3, 0.5, 0.2])
     stage.Save()
