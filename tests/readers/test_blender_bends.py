@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from forestgen.tree.extras import Extras
 from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import TreeModel
 from forestgen.tree.rig import joint_turns, rig_of, skin_of_leaves, skin_of_mesh
 from forestgen.tree.sway import PERIOD, Gust
 from forestgen.tree.wind import limb_of_mesh, wind_of
+from forestgen.usd.extras import Extras
 from forestgen.usd.rig import FPS, write_rig
 from forestgen.usd.tree_asset import write_tree_asset
 from tests.readers.strangers import ask
