@@ -59,7 +59,9 @@ def dress(
         }
         made: Pictures = {}
         if season == "photo" or not _is_as_photographed(model, leaf):
-            made = draw_pictures(model, levels, plan if wears_cards else None, box, leaf, without_light)
+            made = draw_pictures(
+                model, levels, plan if wears_cards else None, box, leaf, pictures.get(CARDS), without_light
+            )
         ending = "" if season == "photo" else f"_{season}"
         pictures |= {name + ending: image for name, image in made.items()}
         looks[season] = season_look(made, ending, gone, is_bare, without_light) if ending else SeasonLook()
@@ -78,22 +80,27 @@ def draw_pictures(
     plan: CardPlan | None,
     box: Box,
     leaf: NDArray[np.uint8] | None,
+    known: NDArray[np.uint8] | None,
     without_light: bool,
 ) -> Pictures:
     """What a tree wears with a leaf atlas (H, W, 4), or bare; on cards where there is a plan of them.
+
+    Cards `known` (H, W, 4) of the same leaves in other colours lend their alpha.
 
     The sides of the box (2, 3) are drawn from the first coarser level, which is meant for their size.
     """
     shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
     made: Pictures = {}
+    alpha = None if known is None or leaf is None else known[..., 3].astype(np.float32) / np.float32(255)
     if leaf is not None:
         made[LEAF] = leaf
     if plan is not None:
-        made[CARDS] = bake_cards(plan, model, leaf)
+        made[CARDS] = bake_cards(plan, model, leaf, alpha=alpha)
     if without_light and leaf is not None:
         made[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
         if plan is not None:
-            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT])
+            cut = made[CARDS][..., 3].astype(np.float32) / np.float32(255)
+            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT], alpha=cut)
     sides = side_cards(shown if leaf is not None else replace(shown, leaves=NO_LEAVES), box, leaf_rgba=leaf)
     return made | {card_name(face): image for face, image in sides.items()}
 

@@ -16,7 +16,7 @@ from forestgen.render import Studio
 from forestgen.render.drawable import extent_along
 
 TALL_PX = 480  # height of the tree in the upper row
-FINER = 3  # how much larger a picture is drawn than shown: a pixel is what its footprint sees
+FINER = 2  # how much larger a picture is drawn than shown: a pixel is what its footprint sees
 MARGIN = 0.05  # of the height, around the tree
 CAPTION = 34  # px below a picture
 GAP = 6  # px between a finer level and the coarser one

@@ -18,11 +18,19 @@ from forestgen.tree.model import Bark, Mesh, TreeModel
 FINER = 2  # px drawn a texel, both ways, each of four samples
 
 
-def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+def bake_cards(
+    plan: CardPlan,
+    model: TreeModel,
+    leaf_rgba: NDArray[np.uint8] | None,
+    *,
+    alpha: NDArray[np.float32] | None = None,
+) -> NDArray[np.uint8]:
     """The texture (side, side, 4), sRGB and straight alpha, of a tree's cards, its leaves over `leaf_rgba` (H, W, 4).
 
     Without leaves (winter) where `leaf_rgba` is None. Where alpha, interpolated, reaches one half, as much is
-    covered as leaves and twigs do cover there (times the plan's shares); colour is bled under the edges.
+    covered as leaves and twigs do cover there (times the plan's shares); colour is bled under the edges. An `alpha`
+    (side, side) in [0, 1] found before for the same leaves is taken as it is: finding it takes most of the time,
+    and seasons change the colours only.
 
     Raises:
         ValueError: the plan is another tree's, or the atlas has another size than the tree's.
@@ -33,10 +41,13 @@ def bake_cards(plan: CardPlan, model: TreeModel, leaf_rgba: NDArray[np.uint8] | 
     drawables = [_twigs(plan, model.mesh, model.bark)] if len(plan.twig) else []
     if leaf_rgba is not None and len(model.leaves):
         drawables += _leaves(plan, model, leaf_rgba)
-    px = plan.side * FINER
+    n = FINER if alpha is None else 1
+    px = plan.side * n
     with Studio(drawables) as studio:
-        finer = studio.colour(Camera((px, px), (0.0, float(px)), float(FINER)))
+        finer = studio.colour(Camera((px, px), (0.0, float(px)), float(n)))
     picture = np.asarray(cv2.resize(finer, (plan.side, plan.side), interpolation=cv2.INTER_AREA), np.float32)
+    if alpha is not None:
+        return bled(picture, alpha)
     share = np.ones((plan.side, plan.side), np.float32)
     for (left, top, width, height), part in zip(plan.cell.tolist(), plan.share.tolist(), strict=True):
         share[top : top + height, left : left + width] = part

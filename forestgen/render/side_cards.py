@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -22,7 +21,6 @@ from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 
 LONGEST = 512  # px along the longest edge of the box
-FINER = 2  # px drawn for each, both ways, of four samples
 QUARTER = np.pi / 2
 FACES = {  # azimuth and elevation of a camera before the face, and quarters by which its picture turns anticlockwise
     "XPos": (QUARTER, 0.0, -1),
@@ -68,9 +66,8 @@ def _picture(studio: Studio, px: NDArray[np.float64], azimuth: float, elevation:
     axes = np.round(Camera((1, 1), (0.0, 0.0), 1.0, azimuth, elevation).axes[:2])
     across, up = axes @ px
     width, height = round(abs(across)), round(abs(up))
-    root = (max(0.0, -across) * FINER, (height - max(0.0, -up)) * FINER)
-    finer = studio.colour(Camera((width * FINER, height * FINER), root, float(FINER), azimuth, elevation))
-    picture = np.asarray(cv2.resize(finer, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    root = (max(0.0, -across), height - max(0.0, -up))
+    picture = studio.colour(Camera((width, height), root, 1.0, azimuth, elevation))
     coverage = np.ascontiguousarray(picture[..., 3])
     alpha = (cutout_alpha(coverage, coverage) >= 0.5).astype(np.float32)
     return np.ascontiguousarray(np.rot90(bled(picture, alpha), turn))
