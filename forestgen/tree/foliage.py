@@ -15,7 +15,7 @@ from forestgen.tree.foliage_crown import Crown
 from forestgen.tree.foliage_fill import aim_at_open
 from forestgen.tree.foliage_fit import Placement, join
 from forestgen.tree.foliage_poses import frames, leaf_axes, light_normals, quaternions
-from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, young_wood
+from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, spread_from_above, young_wood
 from forestgen.tree.foliage_unseen import SEEN
 from forestgen.tree.leaf_scale import leaf_length
 from forestgen.tree.model import Atlas, Leaves
@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 
 SHRINK = (1.0, 0.8, 0.6)  # a leaf that does not fit is tried again this much smaller, standing otherwise
 SHOWN = 0.3  # mean projected area of a leaf over its length squared: half as wide as long, in all attitudes
+USUAL = 1.5  # of the ground over the photo that a crown covers: its layers of leaves serve both
+WIDEST = 2.0  # times as many leaves, at most, for one that spreads wider
 FAR = 0.75  # lengths of a leaf: foliage farther from its twig takes a long-stalked leaf
 LEAST_GAIN = 0.25  # share of an aimed leaf that must cover open foliage
 HIDE_ROUNDS = 4  # at most, of leaves aimed at grown wood that shows where the photo shows none
@@ -121,7 +123,13 @@ class LeavesAlongBranches(Strategy):
             long = np.bincount(of, wood.length)
             n = np.clip(self.most_per_branch * long / long.max(), self.fewest_per_branch, self.most_per_branch).sum()
         else:
-            n = self.layers * crown.foliage_area / (SHOWN * crown.length**2)
+            spread = spread_from_above(wood, [view.camera for view in crown.views], 2 * crown.length)
+            n = (
+                self.layers
+                * float(np.clip(spread / USUAL, 1.0, WIDEST))
+                * crown.foliage_area
+                / (SHOWN * crown.length**2)
+            )
             n = max(n, float(wood.length.sum()) / (self.spacing * crown.length))
         return float(min(n, self.most))
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.camera import Camera
 from forestgen.tree.skeleton import Skeleton, height_above_tips, path_length
 
 YOUNG = 0.06  # share of the tree's height: wood nearer to a tip than this is young and bears leaves
@@ -84,6 +86,22 @@ def crowding(point: NDArray[np.float64], length: NDArray[np.float64], cell: floa
     index = np.floor(point / cell).astype(np.int64)
     _, which = np.unique(index, axis=0, return_inverse=True)
     return np.asarray(np.bincount(which.ravel(), length)[which.ravel()])
+
+
+def spread_from_above(wood: YoungWood, cameras: Sequence[Camera], cell: float) -> float:
+    """How much more of the ground than of the widest photo the wood stands over, at least 1.
+
+    It is counted in square cells (side in metres): a flat crown shows little from the side.
+    """
+    middle = (wood.start + wood.end) / 2
+    shadow = _n_cells(middle[:, [0, 2]], cell)
+    shown = max(_n_cells(middle @ camera.axes[:2].T, cell) for camera in cameras)
+    return max(1.0, shadow / shown)
+
+
+def _n_cells(places: NDArray[np.float64], cell: float) -> int:
+    """In how many square cells the places (E, 2) lie."""
+    return len(np.unique(np.floor(places / cell).astype(np.int64), axis=0))
 
 
 def place_stations(

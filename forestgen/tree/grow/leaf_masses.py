@@ -142,7 +142,7 @@ class Hull:
     sway: NDArray[np.float64]  # (2,) phases of the swaying
 
     @classmethod
-    def of(cls, turned: TurnedOutline, *, rng: np.random.Generator) -> Hull:
+    def of(cls, turned: TurnedOutline, even: float = EVEN, *, rng: np.random.Generator) -> Hull:
         """The waves of both halves of the outline, each with a new phase that advances with the azimuth."""
         power = np.zeros(WAVES)
         for half in (turned.left, turned.right):
@@ -152,7 +152,7 @@ class Hull:
         size = np.sqrt(power)
         size *= min(1.0, ROUGHEST / max(float(np.sqrt((size**2).sum() / 2)), 1e-9))
         turn = rng.choice([-3, -2, -1, 1, 2, 3], WAVES).astype(float)
-        smooth = replace(turned, depth=gaussian_filter1d(turned.depth, EVEN * len(turned.depth), mode="nearest"))
+        smooth = replace(turned, depth=gaussian_filter1d(turned.depth, even * len(turned.depth), mode="nearest"))
         return cls(smooth, size, rng.uniform(0, 2 * np.pi, WAVES), turn, rng.uniform(0, 2 * np.pi, 2))
 
     def reach(self, local: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from forestgen.camera import Camera
 
 SMOOTH = 0.03  # of the height, along it: the unseen outline does not repeat the seen one's notches
 RIM = 0.08  # of the squared half-width: what thickness is left at the outline
+COARSER = 3  # of so many pixels, across and down, one is looked at for the crown's spread
+FLAT = 1.03  # ratio of the squared spreads, across over in depth, from which on a crown is deepened
+DEEPEST = 1.2  # at most, over the depth that turning gives
 PROFILE = 512  # heights at which the turned outline is kept
 
 
@@ -65,3 +68,19 @@ def turn_outline(outline: NDArray[np.bool_], camera: Camera, height: float) -> T
     left, right = np.maximum(centre - low, 0.0), np.maximum(high - centre, 0.0)
     depth = gaussian_filter1d(0.5 * (left + right), sigma, mode="nearest")
     return TurnedOutline(camera.axes, even, centre, left, right, depth)
+
+
+def as_deep_as_wide(turned: TurnedOutline, leafy: NDArray[np.bool_], camera: Camera) -> TurnedOutline:
+    """The turned outline, deeper where its foliage (H, W) would be less spread in depth than it is across.
+
+    Sky about the trunk takes a crown's deepest parts away, not its widest: what is left would be flat.
+    Second moments about the trunk are compared, each pixel as long as the crown is deep there.
+    """
+    row, column = np.nonzero(leafy[::COARSER, ::COARSER])
+    local = camera.unproject(np.column_stack([column, row]) * COARSER + 0.5) @ camera.axes.T
+    deep = turned.reach(local[:, 0], local[:, 1])
+    off = local[:, 0] - turned.centre[turned.row(local[:, 1])]
+    ratio = 3 * float((deep * off**2).sum()) / max(float((deep**3).sum()), 1e-12)
+    if ratio <= FLAT:
+        return turned
+    return replace(turned, depth=turned.depth * min(np.sqrt(ratio), DEEPEST))

@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.grow.axes import stem_end
-from forestgen.tree.grow.boughs import boughs_of, steepness
+from forestgen.tree.grow.boughs import boughs_of, spray_width, steepness
 from forestgen.tree.grow.crown_volume import CLOSE, CROSS, CrownVolume, close
 from forestgen.tree.grow.densify import densify
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.growth_form import growth_form, is_tiered, leader
-from forestgen.tree.grow.leaf_masses import FINEST, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
-from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
+from forestgen.tree.grow.leaf_masses import EVEN, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
+from forestgen.tree.grow.turned_outline import TurnedOutline, as_deep_as_wide, turn_outline
 from forestgen.tree.grow.twigs import grow_twigs
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
 VISIBLE_SPACING = 0.02  # of the height: nodes of visible branches are no farther apart
+SMOOTHER = 0.14  # of the crown's height: the depth of crowns whose outline is rougher than their sides, see `Hull`
 BARE_TRUNK = 0.75  # of the trunk bears no twigs, only limbs
 
 
@@ -72,21 +73,36 @@ def masses_of(
 ) -> LeafMasses:
     """The crown's leaf masses; a single stem gets the boughs that carry them."""
     leafy, camera, h = volume.leafy[0], volume.cameras[0], volume.height
-    hull = Hull.of(turned, rng=rng)
     closed = close(leafy, (CROSS if volume.hides else CLOSE) * h * camera.px_per_metre)
     sizes = lobe_sizes(closed, camera.px_per_metre, h)
-    outer = tree.position[outer_nodes(tree)]
     if not is_tiered(form, turned):
+        deeper = as_deep_as_wide(turned, leafy, camera)
+        hull = Hull.of(deeper, EVEN if deeper is turned else SMOOTHER, rng=rng)
+        outer = tree.position[outer_nodes(tree)]
         return leaf_masses(closed, camera, hull, sizes, h, outer, rng=rng)
+    hull = Hull.of(turned, SMOOTHER, rng=rng)
     steep = steepness(tree.position, tree.axes, turned.axes[0], h)
-    boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, rng=rng)
+    at, wide = seen_sprays(tree, h)
+    boughs = boughs_of(tree.line(0), hull, volume, float(np.median(sizes)), steep, at, rng=rng)
     for bough in boughs:
         tree.bear(0, bough.foot, bough.points)
-    nodes = np.concatenate([bough.points for bough in boughs] or [np.zeros((0, 3))])
-    width = np.concatenate([bough.width for bough in boughs] or [np.zeros(0)])
-    seen = np.full(len(outer), 2 * FINEST * h)
-    at, wide = np.concatenate([nodes[width > 0], outer]), np.concatenate([width[width > 0], seen])
+        leafy_part = bough.width > 0
+        at = np.concatenate([bough.points[leafy_part], at])
+        wide = np.concatenate([bough.width[leafy_part], wide])
     return tiers(closed, camera, turned, h, at, wide)
+
+
+def seen_sprays(tree: GrowingTree, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes (K, 3) of the visible side branches and the half-widths (K,) of the foliage about them, metres."""
+    places, widths = [np.zeros((0, 3))], [np.zeros(0)]
+    for axis in tree.axes[1:]:
+        line = tree.position[axis.nodes]
+        reach = float(np.linalg.norm(line[-1] - line[0]))
+        along = np.linspace(0, 1, len(line))
+        outer = along >= 0.25
+        places.append(line[outer])
+        widths.append(spray_width(along[outer], reach, height))
+    return np.concatenate(places), np.concatenate(widths)
 
 
 def outer_nodes(tree: GrowingTree) -> NDArray[np.int64]:

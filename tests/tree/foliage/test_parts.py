@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from forestgen.camera import Camera
 from forestgen.tree.foliage_colour import colours_at, facing, foliage_colours, nearest_prototype
 from forestgen.tree.foliage_fill import open_seeds
 from forestgen.tree.foliage_fit import Placement, Target, blade_samples, draw_wood, footprint, make_target
 from forestgen.tree.foliage_poses import frames, normals_across, quaternions
-from forestgen.tree.foliage_twigs import crowding, last_tip, place_stations, young_wood
+from forestgen.tree.foliage_twigs import (
+    YoungWood,
+    crowding,
+    last_tip,
+    place_stations,
+    spread_from_above,
+    young_wood,
+)
 from forestgen.tree.foliage_unmixing import pure_foliage
 from forestgen.tree.model import Atlas, LeafPrototype, Leaves
 from forestgen.tree.skeleton import Skeleton
@@ -178,3 +186,18 @@ def test_nearest_prototype_without_chance() -> None:
     assert nearest_prototype(wish, lab, among, 0.0, rng=rng).tolist() == [0, 1, 2]
     among[0, 0] = False
     assert nearest_prototype(wish, lab, among, 0.0, rng=rng)[0] == 1
+
+
+def test_a_flat_crown_spreads_wider_than_the_photo_shows_it() -> None:
+    def wood_at(places: np.ndarray) -> YoungWood:
+        n = len(places)
+        return YoungWood(places - 0.01, places + 0.01, np.ones(n), np.ones(n), np.ones(n), np.arange(n))
+
+    grid = np.stack(np.meshgrid(np.arange(8), np.arange(8)), axis=-1).reshape(-1, 2) + 0.5
+    table = np.column_stack([grid[:, 0], np.full(64, 5.5), grid[:, 1]])  # 8 x 8 m, a cell high
+    wall = np.column_stack([grid, np.full(64, 0.5)])  # the same, seen face on
+    front, side = (Camera((10, 10), (0.0, 0.0), 1.0, azimuth) for azimuth in (0.0, np.pi / 2))
+    assert spread_from_above(wood_at(table), [front], 1.0) == 8
+    assert spread_from_above(wood_at(wall), [front], 1.0) == 1
+    assert spread_from_above(wood_at(wall), [side], 1.0) == 1  # a line from the side, a line from above
+    assert spread_from_above(wood_at(np.vstack([table, wall])), [front], 1.0) == 64 / 64

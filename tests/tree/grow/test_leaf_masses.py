@@ -9,12 +9,13 @@ from numpy.testing import assert_allclose
 
 from forestgen.arrays import stage_rng
 from forestgen.tree.grow.axes import axes_of
-from forestgen.tree.grow.boughs import boughs_of, steepness
+from forestgen.tree.grow.boughs import WIDEST, boughs_of, spray_width, steepness
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growth_form import is_tiered
-from forestgen.tree.grow.leaf_masses import Hull, apart, fill_cells, leaf_masses, lobe_sizes
+from forestgen.tree.grow.leaf_masses import FINEST, Hull, apart, fill_cells, leaf_masses, lobe_sizes
 from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
+from forestgen.tree.grow.turned_outline import DEEPEST, as_deep_as_wide
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 from tests.tree.grow.crowns import PX, SIZE, ball_view, cone_view, trunk_matte, two_limbs, view_of
@@ -146,7 +147,7 @@ def test_boughs_are_longer_below_and_all_round() -> None:
     rng = stage_rng(0, "grow")
     hull = Hull.of(volume.turned, rng=rng)
     stem = np.column_stack([np.zeros(40), np.linspace(0, 9.8, 40), np.zeros(40)])
-    boughs = boughs_of(stem, hull, volume, 0.4, -0.2, rng=rng)
+    boughs = boughs_of(stem, hull, volume, 0.4, -0.2, np.zeros((0, 3)), rng=rng)
     assert len(boughs) > 25
     reach = np.array([np.hypot(b.points[-1, 0], b.points[-1, 2]) for b in boughs])
     tip = np.array([b.points[-1] for b in boughs])
@@ -155,6 +156,71 @@ def test_boughs_are_longer_below_and_all_round() -> None:
     assert quarter.min() >= 0.12 * quarter.sum()
     may_pass, _ = crown_volume([view], is_round=False).allows(np.concatenate([b.points for b in boughs]))
     assert may_pass.mean() > 0.97
+
+
+def cone_boughs(seen: np.ndarray) -> np.ndarray:
+    """Tips (B, 3) of the boughs of a cone of leaves in which the photo shows some already."""
+    volume = crown_volume([cone_view()])
+    assert volume.turned is not None
+    rng = stage_rng(3, "grow")
+    stem = np.column_stack([np.zeros(40), np.linspace(0, 9.8, 40), np.zeros(40)])
+    boughs = boughs_of(stem, Hull.of(volume.turned, rng=rng), volume, 0.4, -0.2, seen, rng=rng)
+    return np.array([bough.points[-1] for bough in boughs])
+
+
+def test_boughs_leave_no_direction_empty() -> None:
+    tip = cone_boughs(np.zeros((0, 3)))
+    unequal = []
+    for low, high in ((2, 4), (4, 6), (6, 8)):
+        part = tip[(tip[:, 1] >= low) & (tip[:, 1] < high)]
+        sector = (np.degrees(np.arctan2(part[:, 2], part[:, 0])) // 45).astype(int) % 8
+        count, fair = np.bincount(sector, minlength=8), len(part) / 8
+        assert count.min() > 0
+        unequal.append(((count - fair) ** 2).sum() / fair)
+    assert np.mean(unequal) < 3.5  # azimuths drawn at random: chi squared of 7 degrees of freedom, 7 on average
+
+
+def test_boughs_keep_off_those_that_the_photo_shows() -> None:
+    up = np.repeat(np.linspace(2.5, 7, 40), 12)
+    out = np.tile(np.linspace(0.2, 1.5, 12), 40)
+    seen = np.column_stack([out * np.cos(0.8), up, out * np.sin(0.8)])  # a sheet of wood on the right, in front
+    alone, beside = cone_boughs(np.zeros((0, 3))), cone_boughs(seen)
+
+    def share(tip: np.ndarray) -> float:
+        tip = tip[(tip[:, 1] > 2.5) & (tip[:, 1] < 7)]
+        return float((np.abs(np.arctan2(tip[:, 2], tip[:, 0]) - 0.8) < 0.3).mean())
+
+    assert share(beside) < 0.3 * share(alone)
+
+
+def test_sprays_narrow_toward_the_tip_and_have_bounds() -> None:
+    width = spray_width(np.array([0.0, 0.5, 1.0]), 2.0, 10.0)
+    assert_allclose(width, [0.6, 0.45, 0.3])
+    assert spray_width(np.zeros(1), 9.0, 10.0)[0] == pytest.approx(WIDEST * 10)
+    assert spray_width(np.ones(1), 0.1, 10.0)[0] == pytest.approx(1.2 * FINEST * 10)
+
+
+def test_a_crown_with_sky_about_its_trunk_is_as_deep_as_wide() -> None:
+    ball = crown_volume([ball_view()])
+    assert ball.turned is not None
+    whole = as_deep_as_wide(ball.turned, ball.leafy[0], ball_view().camera)
+    assert_allclose(whole.depth, ball.turned.depth, rtol=0.05)  # a ball is round as it is
+    leaves = ball_view().mattes.is_foliage.astype(np.uint8)
+    cv2.rectangle(leaves, (134, 40), (166, 200), 0, -1)
+    view = view_of(leaves, trunk_matte())
+    volume = crown_volume([view])
+    assert volume.turned is not None
+    deeper = as_deep_as_wide(volume.turned, volume.leafy[0], view.camera)
+    factor = deeper.depth / volume.turned.depth
+    assert 1.05 < factor.min() == pytest.approx(factor.max())
+    assert factor.max() <= DEEPEST
+    rng = np.random.default_rng(0)
+    points = volume.low + rng.random((200_000, 3)) * (volume.high - volume.low)
+    points[:, 2] *= 1.3
+    flat, round_ = (replace(volume, turned=turned) for turned in (volume.turned, deeper))
+    spread = [np.std(p[:, 2]) / np.std(p[:, 0]) for p in (points[v.allows(points)[1]] for v in (flat, round_))]
+    assert spread[0] < 0.92
+    assert spread[1] == pytest.approx(1.0, abs=0.05)
 
 
 def test_steepness_is_measured_in_the_picture() -> None:
