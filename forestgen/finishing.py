@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from forestgen.dressing import dress
 from forestgen.errors import RenderError
-from forestgen.render.cards import plan_cards
 from forestgen.tree.level import Level, full_level
-from forestgen.tree.lod import LOD_STEPS, coarser_level
 from forestgen.tree.model import TreeModel
-from forestgen.usd.extras import Extras
+
+if TYPE_CHECKING:
+    from forestgen.usd.extras import Extras
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,11 @@ def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
 
     Cards are drawn: where OpenGL is missing there are none, no seasons either, and the user is told.
     """
+    from forestgen.dressing import dress
+    from forestgen.render.cards import plan_cards
+    from forestgen.tree.lod import LOD_STEPS, coarser_level
+    from forestgen.usd.extras import Extras
+
     wanted = wanted or Finish()
     finer = [coarser_level(model, step) for step in LOD_STEPS]
     plan = plan_cards(model)

@@ -188,7 +188,7 @@ def test_other_variants_of_the_asset_stay(stills: Path, tmp_path: Path) -> None:
     grow_tree(folder, Growth(), frames=5)
     again = Usd.Stage.Open(str(folder / "oak.usda"))
     again.Reload()
-    assert sorted(again.GetDefaultPrim().GetVariantSets().GetNames()) == ["LOD", "growth", "look"]
+    assert sorted(again.GetDefaultPrim().GetVariantSets().GetNames()) == ["LOD", "growth", "look", "season"]
 
 
 def test_a_bare_tree_grows(stills: Path, tmp_path: Path) -> None:
