@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.errors import InputError
+from forestgen.png import FAST, write_png
 from forestgen.tree.branches import BranchGraph
 from forestgen.tree.mattes import Mattes
 from forestgen.tree.model import TreeModel
@@ -55,9 +56,9 @@ def write_reference(view: View, folder: Path) -> None:
         OSError: a file could not be written whole.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _write_png(folder / "photo.png", view.photo.rgb[..., ::-1])
-    _write_png(folder / "foliage.png", _to_bytes(view.mattes.foliage))
-    _write_png(folder / "branch.png", _to_bytes(view.mattes.branch))
+    write_png(folder / "photo.png", view.photo.rgb, FAST)
+    write_png(folder / "foliage.png", _to_bytes(view.mattes.foliage), FAST)
+    write_png(folder / "branch.png", _to_bytes(view.mattes.branch), FAST)
     graph = view.branches
     _write_json(
         folder / "trace.json",
@@ -208,13 +209,6 @@ def _to_bytes(alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _write_png(path: Path, image: NDArray[np.uint8]) -> None:
-    fine, data = cv2.imencode(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
-    if not fine:
-        raise OSError(f"{path}: could not be encoded as PNG")
-    path.write_bytes(data.tobytes())
 
 
 def _read_png(path: Path, mode: int) -> NDArray[np.uint8]:

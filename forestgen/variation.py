@@ -19,9 +19,10 @@ import cv2
 import numpy as np
 
 from forestgen.build_record import BUILD
-from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture, write_png
+from forestgen.check.pictures import INK, PAPER, Picture, portrait_picture
 from forestgen.errors import InputError, RenderError, StageError
 from forestgen.finishing import finish
+from forestgen.png import write_png
 from forestgen.reference import Provenance, read_provenance, read_views, write_provenance
 from forestgen.render import Studio, frame_camera
 from forestgen.scene.folder_settings import located

@@ -15,6 +15,7 @@ LAYERS = [
     "errors",
     "arrays",
     "reading",
+    "png",
     "interrupts",
     "staging",
     "camera",

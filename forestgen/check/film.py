@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from forestgen.check import pictures
 from forestgen.check.report import PictureFile
+from forestgen.png import write_png
 from forestgen.render import Studio, frame_camera
 from forestgen.usd.read import read_drawables, read_film
 
@@ -48,7 +49,7 @@ def draw_film(stage: Path, frames: int, folder: Path, on_picture: Callable[[int,
 def write_strip(shown: list[Picture], path: Path) -> None:
     """Of pictures (H, W, 3) over time AGES in a row, evenly up to the last; the very sprout is too small to see."""
     chosen = np.unique(np.round(np.linspace(0, len(shown) - 1, AGES + 1)[1:]).astype(int))
-    pictures.write_png(path, np.hstack([shown[k] for k in chosen]))
+    write_png(path, np.hstack([shown[k] for k in chosen]))
 
 
 def write_preview(shown: list[Picture], path: Path) -> None:

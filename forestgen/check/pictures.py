@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -163,15 +162,3 @@ def _lines(canvas: Picture, paths: list[NDArray[np.float64]], colour: tuple[int,
     """Draw polylines (K, 2) px, smooth, to an eighth of a pixel."""
     fixed = [np.round((path - 0.5) * 8).astype(np.int32) for path in paths]
     cv2.polylines(canvas, fixed, False, colour, width, cv2.LINE_AA, 3)
-
-
-def write_png(path: Path, picture: Picture) -> None:
-    """Write a picture (H, W, 3) losslessly.
-
-    Raises:
-        OSError: it could not be written.
-    """
-    fine, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
-    if not fine:
-        raise OSError(f"{path}: could not be encoded as PNG")
-    path.write_bytes(data.tobytes())

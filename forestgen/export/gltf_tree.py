@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from forestgen.export.glb import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from forestgen.export.places import Places, flat_leaves, leaf_places
-from forestgen.export.subject import Subject, png_bytes
+from forestgen.export.subject import Subject
+from forestgen.png import png_bytes
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Mesh
 from forestgen.tree.srgb import linear_from_srgb

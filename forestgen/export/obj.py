@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.export.places import flat_leaves, leaf_places
-from forestgen.export.subject import Subject, png_bytes, require_target
+from forestgen.export.subject import Subject, require_target
+from forestgen.png import png_bytes
 from forestgen.scene.names import identifier
 from forestgen.staging import install, staging
 from forestgen.tree.level import Level

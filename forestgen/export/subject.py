@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,15 +57,6 @@ def require_finite(name: str, meshes: Sequence[Mesh | LeafPrototype]) -> None:
         for field in ("points", "normals", "uv"):
             if not np.isfinite(getattr(mesh, field)).all():
                 raise ValueError(f"{name}: {field} of a mesh hold NaN")
-
-
-def png_bytes(image: NDArray[np.uint8]) -> bytes:
-    """An image (H, W, 3 or 4) as PNG: no time stamp, the same bytes for the same pixels."""
-    order = [2, 1, 0, 3][: image.shape[2]]
-    is_encoded, data = cv2.imencode(".png", np.ascontiguousarray(image[..., order]))
-    if not is_encoded:
-        raise ValueError(f"an image of shape {image.shape} cannot be written as PNG")
-    return data.tobytes()
 
 
 def require_target(path: Path, suffix: str) -> None:

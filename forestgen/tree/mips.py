@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
+from forestgen.png import write_png
 from forestgen.tree.srgb import bytes_from_linear, linear_from_bytes
 
 THRESHOLD = 0.5  # from which a texel counts: opacityThreshold of the written material
@@ -93,9 +94,6 @@ def write_mips(mips: Mips, folder: Path, stem: str) -> list[Path]:
     """
     paths = []
     for k, image in enumerate(mips.kept[1:], start=1):
-        is_encoded, data = cv2.imencode(".png", np.ascontiguousarray(image[..., [2, 1, 0, 3]]))
-        if not is_encoded:
-            raise ValueError(f"level {k} of {stem} cannot be written as PNG")
         paths.append(folder / f"{stem}_mip{k}.png")
-        paths[-1].write_bytes(data.tobytes())
+        write_png(paths[-1], image)
     return paths

@@ -38,6 +38,4 @@ class Extras:
         if sizes != sorted(sizes, reverse=True) or len(set(sizes)) < len(sizes):
             raise ValueError(f"Extras.levels must serve smaller and smaller sizes, came {sizes}")
         if any(len(level.cards.faces) for level in self.levels) and CARDS not in self.pictures:
-            raise ValueError(
-                f"Extras.levels has cards; expected {CARDS!r} among {sorted(self.pictures)}"
-            )
+            raise ValueError(f"Extras.levels has cards; expected {CARDS!r} among {sorted(self.pictures)}")

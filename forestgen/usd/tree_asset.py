@@ -19,11 +19,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
+from forestgen.png import write_png
 from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.skeleton_json import skeleton_json
@@ -71,25 +71,12 @@ def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = Non
 
     (folder / "textures").mkdir(parents=True, exist_ok=True)
     for picture, image in pictures.items():
-        write_png(image, folder / picture_path(picture))
+        write_png(folder / picture_path(picture), image)
     if extras.guides:
         (folder / SKELETON).write_text(json.dumps(skeleton_json(model.skeleton), separators=(",", ":")), "utf-8")
     for file, layer in layers.items():
         save(layer, folder / file)
     return save(root, folder / f"{name}.usda")
-
-
-def write_png(image: NDArray[np.uint8], path: Path) -> None:
-    """Write an image (H, W, 3 or 4) as PNG: no time stamp, the same bytes for the same pixels.
-
-    Raises:
-        OSError: the file could not be written.
-    """
-    order = [2, 1, 0, 3][: image.shape[2]]
-    is_encoded, data = cv2.imencode(".png", np.ascontiguousarray(image[..., order]))
-    if not is_encoded:
-        raise ValueError(f"{path.name}: an image of shape {image.shape} cannot be written as PNG")
-    path.write_bytes(data.tobytes())
 
 
 def _pictures(model: TreeModel, extras: Extras) -> dict[str, NDArray[np.uint8]]:

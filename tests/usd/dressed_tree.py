@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd
 
+from forestgen.png import write_png
 from forestgen.tree.level import full_level
 from forestgen.usd.layers import save
 from forestgen.usd.lights import define_delit_texture, define_light_variants
 from forestgen.usd.looks import LookMaterial, define_look_variants, look_layer
 from forestgen.usd.seasons import Dress, SeasonLook, define_seasons
-from forestgen.usd.tree_asset import write_png, write_tree_asset
+from forestgen.usd.tree_asset import write_tree_asset
 from tests.usd.models import tree_model
 from tests.usd.test_levels import extras
 
@@ -69,7 +70,7 @@ def dressed(path: Path, dress: Dress) -> None:
     }.items():
         rgba = np.full((32, 48, 4), 255, np.uint8)
         rgba[..., :3] = colour
-        write_png(rgba, folder / "textures" / f"{texture}.png")
+        write_png(folder / "textures" / f"{texture}.png", rgba)
 
 
 def write_dressed(folder: Path) -> Path:

@@ -12,13 +12,14 @@ from pxr import Usd, UsdGeom
 
 from forestgen.camera import Camera
 from forestgen.check.metrics import iou
+from forestgen.png import write_png
 from forestgen.render import Drawable, Studio
 from forestgen.render.model_drawables import level_drawables
 from forestgen.render.side_cards import FACES, side_cards
 from forestgen.tree.level import full_level
 from forestgen.tree.model import Mesh, TreeModel
 from forestgen.usd.card_textures import AXES, card_file, define_draw_mode
-from forestgen.usd.tree_asset import write_png, write_tree_asset
+from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
 from tests.render.small_trees import forked_tree
 
@@ -138,7 +139,7 @@ def with_cards(folder: Path, *, n_leaves: int = 60, longest: int = 64) -> Path:
     prim = stage.GetDefaultPrim()
     box = np.array(UsdGeom.ModelAPI(prim).GetExtentsHint())
     for face, picture in side_cards(model, box, longest=longest).items():
-        write_png(picture, path.parent / "textures" / card_file(face))
+        write_png(path.parent / "textures" / card_file(face), picture)
     define_draw_mode(prim, {face: f"./textures/{card_file(face)}" for face in AXES}, [0.3, 0.5, 0.2])
     stage.Save()
     return path

@@ -11,9 +11,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade
 
+from forestgen.png import write_png
 from forestgen.tree.model import Bark, Leaves
 from forestgen.usd.geometry import instances_box, prototype_names, rotation_matrix
-from forestgen.usd.tree_asset import write_png, write_tree_asset
+from forestgen.usd.tree_asset import write_tree_asset
 from tests.usd.models import box_mesh, leaf_prototype, tree_model
 
 FLOAT = 1e-6  # float32 of metres
@@ -246,7 +247,7 @@ def test_bad_meshes_leave_no_file(tmp_path: Path) -> None:
 
 def test_png_keeps_every_pixel_and_no_time(tmp_path: Path) -> None:
     image = np.random.default_rng(0).integers(0, 255, (5, 7, 4), dtype=np.uint8)
-    write_png(image, tmp_path / "a.png")
+    write_png(tmp_path / "a.png", image)
     data = (tmp_path / "a.png").read_bytes()
     back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     assert_array_equal(back[..., [2, 1, 0, 3]], image)
