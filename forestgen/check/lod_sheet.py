@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.check.lods import DrawnLevel
@@ -37,7 +38,8 @@ def lod_sheet(levels: Sequence[DrawnLevel], *, azimuth: float = 0.0) -> Picture:
     for level in levels:
         wanted = {float(TALL_PX)} | {size for pair, size in zip(pairs, sizes, strict=True) if level in pair}
         with Studio(level.drawables) as studio:
-            shown[level.level] = {size: _portrait(studio, _camera(levels, azimuth, size)) for size in wanted}
+            drawn = studio.lit(_camera(levels, azimuth, TALL_PX))
+        shown[level.level] = {size: _portrait(drawn, _camera(levels, azimuth, size)) for size in wanted}
     upper = [_captioned(shown[level.level][float(TALL_PX)], _cost(level)) for level in levels]
     lower = []
     for (finer, coarser), size in zip(pairs, sizes, strict=True):
@@ -68,10 +70,11 @@ def _camera(levels: Sequence[DrawnLevel], azimuth: float, tall_px: float) -> Cam
     return Camera((FINER * width, FINER * height), root, FINER * scale, azimuth)
 
 
-def _portrait(studio: Studio, camera: Camera) -> Picture:
-    """A lit picture, each pixel averaged over the FINER x FINER that were drawn for it."""
+def _portrait(drawn: NDArray[np.float32], camera: Camera) -> Picture:
+    """A lit picture (H, W, 4) as seen through a camera of its or a smaller size: each pixel averaged over those
+    that were drawn for it."""
     width, height = (side // FINER for side in camera.size)
-    rgba = np.asarray(cv2.resize(studio.lit(camera), (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    rgba = np.asarray(cv2.resize(drawn, (width, height), interpolation=cv2.INTER_AREA), np.float32)
     return portrait_picture(rgba, foot=(camera.root_px[0] / FINER, camera.root_px[1] / FINER))
 
 

@@ -60,8 +60,9 @@ class Studio:
             raise RenderError(f"{REMEDY} ({type(error).__name__}: {error})") from error
         self._renderer = self._offscreen._renderer = studio_renderer(self._pyrender)
         self._scene = self._pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+        textures: dict[int, Any] = {}  # one for all leaves over an atlas
         for index, drawable in enumerate(self._drawables):
-            self._scene.add(_mesh(self._pyrender, drawable, str(index)))
+            self._scene.add(_mesh(self._pyrender, drawable, str(index), textures))
         self._camera_node: Any = None
 
     def __enter__(self) -> Self:
@@ -136,11 +137,17 @@ def _exact_camera(pyrender: Any, matrix: NDArray[np.float64]) -> Any:
     return ExactCamera(znear=NEAR, zfar=FAR)
 
 
-def _mesh(pyrender: Any, drawable: Drawable, name: str) -> Any:
-    """One pyrender mesh: instances by poses; drawn from both sides; threshold and class ride on unused factors."""
+def _mesh(pyrender: Any, drawable: Drawable, name: str, textures: dict[int, Any]) -> Any:
+    """One pyrender mesh: instances by poses; drawn from both sides; threshold and class ride on unused factors.
+
+    `textures` remembers pyrender's by the array that they hold.
+    """
     texture = None
     if drawable.texture is not None and drawable.uv is not None:
-        texture = pyrender.Texture(source=drawable.texture, source_channels="RGBA")
+        key = id(drawable.texture)
+        if key not in textures:
+            textures[key] = pyrender.Texture(source=drawable.texture, source_channels="RGBA")
+        texture = textures[key]
     threshold = drawable.alpha_threshold if drawable.alpha_threshold > 0 else 0.5
     material = pyrender.MetallicRoughnessMaterial(
         baseColorFactor=drawable.colour,
