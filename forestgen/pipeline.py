@@ -76,14 +76,16 @@ def build_model(tree: TreeSpec, on_stage: OnStage | None = None) -> TreeModel:
     return replace(model, evergreen=tree.evergreen)
 
 
-def write_tree(model: TreeModel, prim_name: str, trees: Path) -> Path:
+def write_tree(model: TreeModel, prim_name: str, trees: Path, extras: Extras | None = None) -> Path:
     """Write a tree's folder `trees`/`prim_name`: built beside, moved into place. Returns the folder.
+
+    `extras` are what `finish(model)` makes unless given.
 
     Raises:
         OSError: it could not be written; what was there before stays.
     """
     with staging(trees) as work:
-        _write_tree(model, work / prim_name, finish(model))
+        _write_tree(model, work / prim_name, extras or finish(model))
         install(work, trees, [prim_name])
     return trees / prim_name
 
