@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import logging
 import os
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from forestgen.complaints import in_words
 from forestgen.errors import ForestgenError, RenderError, StageError
 from forestgen.interrupts import raise_on_signals
 
@@ -284,7 +284,7 @@ def _run() -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
         return BROKEN_PIPE
     except OSError as error:
-        _complain(_in_words(error))
+        _complain(in_words(error))
         return BAD_INPUT
     except Exception as error:
         if hasattr(error, "exit_code") and hasattr(error, "show"):  # click's usage errors
@@ -295,20 +295,6 @@ def _run() -> int:
 
 def _complain(message: str) -> None:
     print("forestgen: " + " ".join(message.split()), file=sys.stderr)
-
-
-def _in_words(error: OSError) -> str:
-    """What the system refused, and what to do where that is known."""
-    remedy = {
-        errno.ENOSPC: "make room, or choose another folder with -o",
-        errno.EDQUOT: "make room, or choose another folder with -o",
-        errno.EFBIG: "make room, or choose another folder with -o",
-        errno.EACCES: "choose a folder that you may write to with -o",
-        errno.EPERM: "choose a folder that you may write to with -o",
-        errno.EROFS: "choose a folder that you may write to with -o",
-    }.get(error.errno or 0)
-    where = f"{error.filename}: " if error.filename else ""
-    return where + (error.strerror or str(error)) + (f": {remedy}" if remedy else "")
 
 
 def _start_logging(verbose: bool) -> None:

@@ -19,11 +19,10 @@ from forestgen.tree.delight import delit
 from forestgen.tree.level import NO_LEAVES, Level, full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.seasons import Season, fallen, season_atlas, seasons_of
-from forestgen.usd.card_textures import AXES
+from forestgen.usd.card_textures import AXES, card_name
 from forestgen.usd.extras import CARDS, LEAF, picture_path
 from forestgen.usd.geometry import Box, level_box, union
 from forestgen.usd.seasons import SeasonLook
-from forestgen.usd.tree_asset import card_name
 from forestgen.usd.tree_layers import DELIT
 from forestgen.usd.variants import level_name
 
@@ -91,7 +90,7 @@ def draw_pictures(
     """
     shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
     made: Pictures = {}
-    alpha = None if known is None or leaf is None else known[..., 3].astype(np.float32) / np.float32(255)
+    alpha = None if known is None or leaf is None else _alpha(known)
     if leaf is not None:
         made[LEAF] = leaf
     if plan is not None:
@@ -99,10 +98,13 @@ def draw_pictures(
     if without_light and leaf is not None:
         made[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
         if plan is not None:
-            cut = made[CARDS][..., 3].astype(np.float32) / np.float32(255)
-            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT], alpha=cut)
+            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT], alpha=_alpha(made[CARDS]))
     sides = side_cards(shown if leaf is not None else replace(shown, leaves=NO_LEAVES), box, leaf_rgba=leaf)
     return made | {card_name(face): image for face, image in sides.items()}
+
+
+def _alpha(rgba: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return rgba[..., 3].astype(np.float32) / np.float32(255)
 
 
 def _as_level(model: TreeModel, level: Level) -> TreeModel:

@@ -23,7 +23,7 @@ from forestgen.export.obj import write_obj
 from forestgen.export.subject import Subject
 from forestgen.finishing import Finish, coarsening, finish
 from forestgen.reference import write_provenance
-from forestgen.tree.level import Level
+from forestgen.tree.level import Level, full_level
 from forestgen.tree.lod import fit_level
 from forestgen.tree.model import TreeModel
 from forestgen.usd.lights import LIGHT_SET
@@ -136,7 +136,7 @@ def _refitted(root: Path, work: Path, wishes: Wishes) -> Path:
 
 def _refit(folder: Path, target: Path, wishes: Wishes) -> None:
     """Write the tree of a folder again, its finest level within the budgets, coarser ones made from that."""
-    model, _ = _within(folder, wishes)
+    model, _ = _fitted(read_model(folder), wishes)
     sets = variant_sets(folder / f"{folder.name}.usda")
     write_tree_asset(model, target, finish(model, Finish(LIGHT_SET in sets, LOOK_SET in sets)))
     write_provenance(model, target / "reference")
@@ -148,19 +148,22 @@ def _within(folder: Path, wishes: Wishes) -> tuple[TreeModel, tuple[Level, ...]]
     """A tree and its levels, the finest within the budgets and from the level that is wished on."""
     model, levels = read_model(folder), read_levels(folder)
     if wishes.has_budget:
-        finest = fit_level(model, max_triangles=wishes.max_triangles, max_instances=wishes.max_instances)
-        model = replace(
-            model,
-            mesh=finest.mesh,
-            leaves=finest.leaves,
-            atlas=replace(model.atlas, prototypes=finest.prototypes if len(finest.leaves) else model.atlas.prototypes),
-        )
-        levels = (replace(finest, switch_px=levels[0].switch_px), *coarsening(model, levels[1:]))
+        model, finest = _fitted(model, wishes)
+        levels = (finest, *coarsening(model, levels[1:]))
     if wishes.level is not None:
         if not 0 <= wishes.level < len(levels):
             raise InputError(f"--level: {folder} has the levels 0 to {len(levels) - 1}, came {wishes.level}")
         levels = levels[wishes.level :]
     return model, levels
+
+
+def _fitted(model: TreeModel, wishes: Wishes) -> tuple[TreeModel, Level]:
+    """A tree within the budgets, and itself as the full level."""
+    finest = fit_level(model, max_triangles=wishes.max_triangles, max_instances=wishes.max_instances)
+    prototypes = finest.prototypes if len(finest.leaves) else model.atlas.prototypes
+    atlas = replace(model.atlas, prototypes=prototypes)
+    fitted = replace(model, mesh=finest.mesh, leaves=finest.leaves, atlas=atlas)
+    return fitted, full_level(fitted)
 
 
 def _glb(root: Path, target: Path, wishes: Wishes) -> Path:

@@ -37,6 +37,7 @@ LAYERS = [
     "exporting",
     "growing",
     "variation",
+    "complaints",
     "cli",
 ]
 

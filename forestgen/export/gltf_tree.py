@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.export.glb import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from forestgen.export.places import Places, flat_leaves, leaf_places
+from forestgen.export.places import Places, leaf_places
 from forestgen.export.subject import Subject
 from forestgen.png import png_bytes
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Mesh
 from forestgen.tree.srgb import linear_from_srgb
+from forestgen.usd.flatten import flat_leaves
 from forestgen.usd.geometry import prototype_names
 from forestgen.usd.materials import BARK_ROUGHNESS, LEAF_ROUGHNESS, OPACITY_THRESHOLD
 
@@ -67,7 +68,7 @@ class GltfTree:
                 if len(places):
                     parts.append(Part(name, self._mesh(name, leaf, self._leaf), places))
         elif len(level.leaves):
-            flat = flat_leaves(level.leaves, level.prototypes)
+            flat, _ = flat_leaves(level.leaves, level.prototypes)
             parts.append(Part("leaves", self._mesh("leaves", flat, self._leaf)))
         if len(level.cards.faces):
             parts.append(Part("leaf_cards", self._mesh("leaf_cards", level.cards, self._cards)))

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.export.places import flat_leaves, leaf_places
+from forestgen.export.places import leaf_places
 from forestgen.export.subject import Subject, require_target
 from forestgen.png import png_bytes
 from forestgen.scene.names import identifier
@@ -26,6 +26,7 @@ from forestgen.staging import install, staging
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
 from forestgen.tree.srgb import linear_from_srgb
+from forestgen.usd.flatten import flat_leaves
 
 
 def write_obj(model: TreeModel, level: Level, path: Path, *, card_rgba: NDArray[np.uint8] | None = None) -> Path:
@@ -63,7 +64,7 @@ def _lines(level: Level, stem: str) -> Iterator[str]:
             yield _faces(mesh.faces + placed, mesh.faces + n_uv)
             placed, n_uv = placed + len(mesh.points), n_uv + len(mesh.uv)
     if len(level.leaves):
-        flat = flat_leaves(level.leaves, level.prototypes)
+        flat, _ = flat_leaves(level.leaves, level.prototypes)
         yield from _vertices(flat, np.concatenate([leaf.uv for leaf in level.prototypes]))
         yield "g leaves\nusemtl leaf\n"
         yield _faces(flat.faces + placed, _uv_faces(level.leaves, level.prototypes) + n_uv)

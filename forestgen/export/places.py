@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
-from forestgen.render.drawable import Drawable
 from forestgen.scene.forest import Forest
-from forestgen.tree.model import LeafPrototype, Leaves, Mesh
-from forestgen.usd.flatten import flattened, joined
-from forestgen.usd.geometry import rotation_matrix
+from forestgen.tree.model import Leaves
+from forestgen.tree.places import place_matrices, rotation_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +30,7 @@ class Places:
 
     def matrix(self) -> NDArray[np.float64]:
         """The places as matrices (K, 4, 4) for column vectors."""
-        place = np.tile(np.eye(4), (len(self), 1, 1))
-        place[:, :3, :3] = rotation_matrix(self.turn) * self.size[:, None, None]
-        place[:, :3, 3] = self.position
-        return place
+        return place_matrices(self.position, self.turn, self.size)
 
     def of(self, inner: Places) -> Places:
         """Each of the inner places (I of them) within each of these: K * I places."""
@@ -68,25 +62,3 @@ def standing_places(forest: Forest) -> list[Places]:
     turn = np.stack([0 * half, np.sin(half), 0 * half, np.cos(half)], axis=1)
     which = [forest.prototype == k for k in range(len(forest.prototypes))]
     return [Places(forest.position[k], turn[k], forest.scale[k]) for k in which]
-
-
-def flat_leaves(leaves: Leaves, prototypes: Sequence[LeafPrototype]) -> Mesh:
-    """All leaves as one mesh, those of one prototype after another.
-
-    Raises:
-        ValueError: there is no prototype.
-    """
-    found = leaf_places(leaves, len(prototypes))
-    return joined([flattened(_drawable(leaf, places)) for leaf, places in zip(prototypes, found, strict=True)])
-
-
-def _drawable(leaf: LeafPrototype, places: Places) -> Drawable:
-    return Drawable(
-        name="leaf",
-        points=leaf.points,
-        faces=leaf.faces,
-        uv=leaf.uv,
-        normals=leaf.normals,
-        is_leaf=True,
-        transforms=places.matrix(),
-    )

@@ -11,10 +11,11 @@ from forestgen.render.card_cutout import bled
 from forestgen.render.card_mips import lasting_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
-from forestgen.render.model_drawables import bark_rgba, leaf_drawables, leaf_places
+from forestgen.render.model_drawables import bark_rgba, leaf_drawables
 from forestgen.render.studio import Studio
 from forestgen.tree.lod_prototypes import simpler
 from forestgen.tree.model import Bark, Mesh, TreeModel
+from forestgen.tree.places import leaf_matrices
 
 BLADE_TRIANGLES = 4  # of a leaf on a card, where it is a few texels long: 200,000 leaves take 11 s instead of 18
 FINER = 2  # px drawn a texel, both ways, each of four samples
@@ -59,7 +60,7 @@ def bake_cards(
 
 def _leaves(plan: CardPlan, model: TreeModel, rgba: NDArray[np.uint8]) -> list[Drawable]:
     """The leaves on every card that shows them, in the texture's pixels."""
-    places = plan.frame[plan.leaf_card] @ leaf_places(model.leaves)[:, None]
+    places = plan.frame[plan.leaf_card] @ leaf_matrices(model.leaves)[:, None]
     prototype = np.repeat(model.leaves.prototype, plan.leaf_card.shape[1])
     blades = [simpler(blade, BLADE_TRIANGLES) for blade in model.atlas.prototypes]
     return leaf_drawables(blades, prototype, places.reshape(-1, 4, 4), rgba)

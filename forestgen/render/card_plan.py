@@ -17,10 +17,10 @@ from forestgen.arrays import freeze
 from forestgen.camera import Camera
 from forestgen.render.card_layout import groups
 from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
-from forestgen.render.model_drawables import leaf_places
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
 from forestgen.tree.limbs import unit
 from forestgen.tree.model import Mesh, TreeModel
+from forestgen.tree.places import leaf_matrices
 
 SIDE = 1024  # px of the card texture, both ways
 GUTTER = 4  # px between cells: two mip levels stay apart
@@ -109,7 +109,7 @@ def _boxes(model: TreeModel, twig: NDArray[np.int64]) -> tuple[NDArray[np.float6
     axes = np.array(FAMILIES)
     n = len(model.leaves)
     low, high = (np.empty((n + len(twig), len(FAMILIES), 3)) for _ in range(2))
-    places = leaf_places(model.leaves)
+    places = leaf_matrices(model.leaves)
     for k, prototype in enumerate(model.atlas.prototypes):
         mine = np.flatnonzero(model.leaves.prototype == k)
         turned = np.einsum("kai,lij->lkaj", axes, places[mine, :3, :3])

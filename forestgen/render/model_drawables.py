@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from forestgen.render.drawable import Drawable
 from forestgen.tree.level import Level
-from forestgen.tree.model import Bark, LeafPrototype, Leaves, Mesh
+from forestgen.tree.model import Bark, LeafPrototype, Mesh
+from forestgen.tree.places import leaf_matrices
 
 
 def level_drawables(
@@ -18,7 +19,7 @@ def level_drawables(
     """Everything that a level shows; without leaves where `leaf_rgba` is None."""
     found = [wood_drawable(level.mesh, bark)]
     if leaf_rgba is not None:
-        found += leaf_drawables(level.prototypes, level.leaves.prototype, leaf_places(level.leaves), leaf_rgba)
+        found += leaf_drawables(level.prototypes, level.leaves.prototype, leaf_matrices(level.leaves), leaf_rgba)
     if card_rgba is not None:
         found.append(_textured("leaf_cards", level.cards, card_rgba, is_leaf=True))
     return found
@@ -45,20 +46,6 @@ def leaf_drawables(
         _textured(f"leaf_{k}", leaf, rgba, is_leaf=True, transforms=places[prototype == k])
         for k, leaf in enumerate(prototypes)
     ]
-
-
-def leaf_places(leaves: Leaves) -> NDArray[np.float64]:
-    """From leaf space to the tree's (L, 4, 4), for column vectors."""
-    w, i, j, k = leaves.orientation.T
-    rows = [
-        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-    ]
-    places = np.tile(np.eye(4), (len(leaves), 1, 1))
-    places[:, :3, :3] = np.moveaxis(np.array(rows), -1, 0) * leaves.size[:, None, None]
-    places[:, :3, 3] = leaves.position
-    return places
 
 
 def _textured(

@@ -12,9 +12,9 @@ from forestgen.usd.materials import linear_from_srgb
 AXES = ("XPos", "YPos", "ZPos", "XNeg", "YNeg", "ZNeg")
 
 
-def card_file(face: str) -> str:
-    """The file name of a face's picture: card_x_pos.png and so on."""
-    return f"card_{face[0].lower()}_{face[1:].lower()}.png"
+def card_name(face: str) -> str:
+    """The name of a face's picture: card_x_pos and so on."""
+    return f"card_{face[0].lower()}_{face[1:].lower()}"
 
 
 def define_draw_mode(prim: Usd.Prim, textures: Mapping[str, str], srgb: ArrayLike) -> None:

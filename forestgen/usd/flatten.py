@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.render.drawable import Drawable
-from forestgen.tree.model import Mesh, vertex_normals
+from forestgen.tree.model import LeafPrototype, Leaves, Mesh, vertex_normals
+from forestgen.tree.places import leaf_matrices
 
 
 def flattened(drawable: Drawable) -> Mesh:
@@ -30,6 +31,25 @@ def flattened(drawable: Drawable) -> Mesh:
     is_mirrored = np.linalg.det(turn) < 0
     index[is_mirrored] = index[is_mirrored][:, :, ::-1]
     return Mesh(moved.reshape(-1, 3), turned.reshape(-1, 3), np.tile(uv, (n_places, 1)), index.reshape(-1, 3))
+
+
+def flat_leaves(leaves: Leaves, prototypes: Sequence[LeafPrototype]) -> tuple[Mesh, NDArray[np.int64]]:
+    """All leaves as one mesh, those of one prototype after another, and the leaf (P,) that each point is of.
+
+    Raises:
+        ValueError: there is no prototype.
+    """
+    matrix = leaf_matrices(leaves)
+    meshes, owners = [], []
+    for k, leaf in enumerate(prototypes):
+        chosen = np.flatnonzero(leaves.prototype == k)
+        shape = Drawable(
+            name="leaf", points=leaf.points, faces=leaf.faces, uv=leaf.uv, normals=leaf.normals,
+            transforms=matrix[chosen],
+        )  # fmt: skip
+        meshes.append(flattened(shape))
+        owners.append(np.repeat(chosen, len(leaf.points)))
+    return joined(meshes), np.concatenate(owners)
 
 
 def cofactors(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh
+from forestgen.tree.places import rotation_matrix
 
 Box = NDArray[np.float32]  # (2, 3): low and high corner, m
 
@@ -150,20 +151,6 @@ def instances_box(position: ArrayLike, turn: ArrayLike, size: ArrayLike, box: ND
     middle = np.einsum("lij,lj->li", rotation, box.mean(axis=1)) + np.asarray(position, np.float32)
     half = np.einsum("lij,lj->li", np.abs(rotation), np.ptp(box, axis=1) / 2)
     return np.stack([(middle - half).min(axis=0), (middle + half).max(axis=0)]).astype(np.float32)
-
-
-def rotation_matrix(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrices (L, 3, 3) for column vectors, of quaternions (L, 4) i j k real.
-
-    They are not made unit first: USD does not either, and halves are unit to 1e-3 only.
-    """
-    i, j, k, w = turn.T
-    rows = [
-        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def place(prim: Usd.Prim, matrix: NDArray[np.float64]) -> None:

@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from forestgen.errors import InputError
-from forestgen.render.drawable import Drawable
 from forestgen.tree.foliage_poses import quaternions
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.limb_tree import limb_tree
-from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
+from forestgen.tree.model import TreeModel
 from forestgen.tree.rig import INFLUENCES, MOST_JOINTS, Rig, Skin, joint_turns, rig_of, skin_of_leaves, skin_of_mesh
 from forestgen.tree.sway import PERIOD, Gust
-from forestgen.usd.flatten import flattened, joined
-from forestgen.usd.geometry import define_mesh, rotation_matrix, vec3f
+from forestgen.usd.flatten import flat_leaves
+from forestgen.usd.geometry import define_mesh, vec3f
 from forestgen.usd.layers import new_stage, require_prim_name, save
 
 FPS = 24
@@ -98,24 +97,6 @@ def _set_times(stage: Usd.Stage, *, animated: bool) -> None:
         stage.SetEndTimeCode(PERIOD * FPS)
         stage.SetTimeCodesPerSecond(FPS)
         stage.SetFramesPerSecond(FPS)
-
-
-def flat_leaves(leaves: Leaves, prototypes: tuple[LeafPrototype, ...]) -> tuple[Mesh, NDArray[np.int64]]:
-    """All leaves as one mesh, those of one prototype after another, and the leaf (P,) that each point is of."""
-    meshes, owners = [], []
-    for k, prototype in enumerate(prototypes):
-        chosen = np.flatnonzero(leaves.prototype == k)
-        place = np.tile(np.eye(4), (len(chosen), 1, 1))
-        turn = rotation_matrix(leaves.orientation[chosen][:, [1, 2, 3, 0]])
-        place[:, :3, :3] = turn * leaves.size[chosen, None, None]
-        place[:, :3, 3] = leaves.position[chosen]
-        shape = (prototype.points, prototype.faces, prototype.uv, prototype.normals)
-        points, faces, uv, normals = shape
-        meshes.append(
-            flattened(Drawable(name="", points=points, faces=faces, uv=uv, normals=normals, transforms=place))
-        )
-        owners.append(np.repeat(chosen, len(points)))
-    return joined(meshes), np.concatenate(owners)
 
 
 def joint_names(rig: Rig) -> list[str]:

@@ -27,7 +27,7 @@ from forestgen.png import write_png
 from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.skeleton_json import skeleton_json
-from forestgen.usd.card_textures import AXES, card_file, define_draw_mode
+from forestgen.usd.card_textures import AXES, card_name, define_draw_mode
 from forestgen.usd.extras import BARK, LEAF, Extras, picture_path
 from forestgen.usd.geometry import Box, union, vec3f
 from forestgen.usd.guides import guides_layer
@@ -137,11 +137,6 @@ def _root(
         mean = front[front[:, 3] > 0, :3].mean(axis=0) / 255 if front[:, 3].any() else np.full(3, 0.5)
         define_draw_mode(prim, {face: picture_path(card_name(face)) for face in AXES}, mean)
     return stage.GetRootLayer(), _define_variants(prim, model, extras, pictures)
-
-
-def card_name(face: str) -> str:
-    """The name of the picture on a face of the box: card_x_pos and so on."""
-    return card_file(face).removesuffix(".png")
 
 
 def _define_variants(

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from forestgen.errors import InputError
 from forestgen.export import gltf
 from forestgen.export.gltf import INSTANCING, LOD, write_glb, write_scene_glb
-from forestgen.export.places import flat_leaves
 from forestgen.export.subject import Subject
 from forestgen.scene.forest import Forest
 from forestgen.tree.level import EMPTY_MESH, Level, full_level
 from forestgen.tree.model import Bark, Mesh
+from forestgen.usd.flatten import flat_leaves
 from tests.export.glb_reader import Glb
 from tests.export.subjects import CARD_RGBA, broken, levels_of, oak, without_atlas
 from tests.usd.models import tree_model
@@ -71,7 +71,7 @@ def test_turns_are_shorts_as_the_extension_allows_and_nearly_unit(glb: Glb) -> N
 def test_flattened_leaves_are_one_mesh_in_the_same_places(tmp_path: Path) -> None:
     model = oak()
     glb = Glb(write_glb(model, [full_level(model)], tmp_path / "oak.glb", instancing=False))
-    flat, found = flat_leaves(model.leaves, model.atlas.prototypes), glb.primitive(glb.node("leaves")["mesh"])
+    flat, found = flat_leaves(model.leaves, model.atlas.prototypes)[0], glb.primitive(glb.node("leaves")["mesh"])
     assert_array_equal(found["POSITION"], flat.points.astype(np.float32))
     assert_array_equal(found["faces"], flat.faces)
     assert "extensionsUsed" not in glb.json
@@ -156,7 +156,7 @@ def test_same_tree_same_bytes(path: Path, tmp_path: Path) -> None:
 def test_trimesh_sees_the_same_box(tmp_path: Path) -> None:
     model = oak()
     scene = trimesh.load_scene(write_glb(model, [full_level(model)], tmp_path / "oak.glb", instancing=False))
-    every = np.concatenate([model.mesh.points, flat_leaves(model.leaves, model.atlas.prototypes).points])
+    every = np.concatenate([model.mesh.points, flat_leaves(model.leaves, model.atlas.prototypes)[0].points])
     assert_allclose(scene.bounds, [every.min(axis=0), every.max(axis=0)], atol=1e-6)
     assert sum(len(mesh.faces) for mesh in scene.geometry.values()) == full_level(model).n_triangles
 

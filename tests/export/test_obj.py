@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from forestgen.errors import InputError
 from forestgen.export.obj import write_obj
-from forestgen.export.places import flat_leaves
 from forestgen.tree.level import full_level
 from forestgen.tree.model import Bark, Mesh
+from forestgen.usd.flatten import flat_leaves
 from tests.export.subjects import CARD_RGBA, levels_of, oak, without_atlas
 from tests.usd.models import tree_model
 
@@ -51,7 +51,7 @@ def test_every_corner_is_the_models(path: Path) -> None:
     model, found = oak(), read(path)
     assert list(found) == ["branches", "leaves"]
     assert_allclose(found["branches"], corners(model.mesh), atol=6e-5)
-    assert_allclose(found["leaves"], corners(flat_leaves(model.leaves, model.atlas.prototypes)), atol=6e-5)
+    assert_allclose(found["leaves"], corners(flat_leaves(model.leaves, model.atlas.prototypes)[0]), atol=6e-5)
 
 
 def test_leaves_share_their_texture_coordinates(path: Path) -> None:
@@ -73,7 +73,7 @@ def test_pictures_and_cut_out(path: Path) -> None:
 def test_trimesh_reads_it(path: Path) -> None:
     model = oak()
     scene = trimesh.load_scene(path)
-    flat = flat_leaves(model.leaves, model.atlas.prototypes)
+    flat, _ = flat_leaves(model.leaves, model.atlas.prototypes)
     every = np.concatenate([model.mesh.points, flat.points])
     assert_allclose(scene.bounds, [every.min(axis=0), every.max(axis=0)], atol=1e-5)
     areas = sorted(mesh.area for mesh in scene.geometry.values())

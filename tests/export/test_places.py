@@ -6,9 +6,10 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from forestgen.export.places import Places, flat_leaves, hamilton, leaf_places, standing_places
+from forestgen.export.places import Places, hamilton, leaf_places, standing_places
 from forestgen.scene.forest import Forest
 from forestgen.tree.model import Leaves
+from forestgen.usd.flatten import flat_leaves
 from tests.usd.models import leaf_prototype, random_leaves
 
 
@@ -21,14 +22,14 @@ def test_one_leaf_by_hand() -> None:
     """Turned a quarter about +Z, the blade that pointed up points to -X."""
     quarter = np.array([[np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]])
     leaf = Leaves(np.array([[1.0, 2.0, 3.0]]), quarter, np.array([2.0]), np.array([0]))
-    flat = flat_leaves(leaf, [leaf_prototype(0, 1)])
+    flat, _ = flat_leaves(leaf, [leaf_prototype(0, 1)])
     assert_allclose(flat.points[2], [1 - 2.0, 2.0, 3.0 + 0.1], atol=1e-12)
     assert_allclose(flat.normals, [[0, 0, 1]] * 3, atol=1e-12)
 
 
 def test_each_corner_is_where_scipy_puts_it() -> None:
     leaves, prototypes = random_leaves(40, 3, np.random.default_rng(1)), [leaf_prototype(k, 4) for k in range(4)]
-    flat = flat_leaves(leaves, prototypes)
+    flat, _ = flat_leaves(leaves, prototypes)
     turn = Rotation.from_quat(leaves.orientation[:, [1, 2, 3, 0]])
     order = np.argsort(leaves.prototype, kind="stable")
     plain = [

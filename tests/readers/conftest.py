@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from forestgen.usd.profiles import PROFILES, write_profile
-from tests.usd.subjects import write_subject
+from tests.usd.subjects import SUBJECTS, write_subjects
 
-SUBJECTS = {"oak": "out/trees/oak", "bare": "out/trees/bare", "wood": "out", "points": "points"}
 ROOT_PRIMS = {"oak": "oak", "bare": "bare", "wood": "wood", "points": "wood"}  # the default prims' names
 Made = dict[tuple[str, str], Path]
 
@@ -20,10 +19,7 @@ Made = dict[tuple[str, str], Path]
 @pytest.fixture(scope="session")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A scene of two trees, written; not to be changed."""
-    folder = tmp_path_factory.mktemp("readers ü") / "out"
-    write_subject(folder)
-    write_subject(folder.with_name("points"), "points")
-    return folder
+    return write_subjects(tmp_path_factory.mktemp("readers ü"))
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from forestgen.usd.profiles import FLAT
-from tests.readers.conftest import SUBJECTS, Made
+from tests.readers.conftest import Made
 from tests.readers.strangers import ask
+from tests.usd.subjects import SUBJECTS
 
 
 def test_no_rule_of_arkit_is_broken(made: Made) -> None:

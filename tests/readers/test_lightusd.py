@@ -7,8 +7,9 @@ from numpy.testing import assert_allclose
 from pxr import Usd
 
 from forestgen.usd.profiles import PROFILES
-from tests.readers.conftest import ROOT_PRIMS, SUBJECTS, Made
+from tests.readers.conftest import ROOT_PRIMS, Made
 from tests.readers.strangers import ask, assert_agree, composed, places
+from tests.usd.subjects import SUBJECTS
 
 
 @pytest.mark.parametrize("profile", PROFILES)

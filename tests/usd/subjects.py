@@ -90,6 +90,16 @@ def levels(model: TreeModel) -> Extras:
     )
 
 
+SUBJECTS = {"oak": "out/trees/oak", "bare": "out/trees/bare", "wood": "out", "points": "points"}  # below a folder
+
+
+def write_subjects(folder: Path) -> Path:
+    """Write both scenes that SUBJECTS tells of, one by prims and one by an instancer; give that of `out`."""
+    write_subject(folder / "out")
+    write_subject(folder / "points", "points")
+    return folder / "out"
+
+
 def write_subject(folder: Path, instancing: Instancing = "auto") -> Path:
     """Write OUT/trees/oak (three levels) and OUT/trees/bare (one), and a scene of both; give its path."""
     assets, cameras = {}, {}

@@ -18,7 +18,7 @@ from forestgen.render.model_drawables import level_drawables
 from forestgen.render.side_cards import FACES, side_cards
 from forestgen.tree.level import full_level
 from forestgen.tree.model import Mesh, TreeModel
-from forestgen.usd.card_textures import AXES, card_file, define_draw_mode
+from forestgen.usd.card_textures import AXES, card_name, define_draw_mode
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
 from tests.render.small_trees import forked_tree
@@ -139,8 +139,8 @@ def with_cards(folder: Path, *, n_leaves: int = 60, longest: int = 64) -> Path:
     prim = stage.GetDefaultPrim()
     box = np.array(UsdGeom.ModelAPI(prim).GetExtentsHint())
     for face, picture in side_cards(model, box, longest=longest).items():
-        write_png(path.parent / "textures" / card_file(face), picture)
-    define_draw_mode(prim, {face: f"./textures/{card_file(face)}" for face in AXES}, [0.3, 0.5, 0.2])
+        write_png(path.parent / "textures" / f"{card_name(face)}.png", picture)
+    define_draw_mode(prim, {face: f"./textures/{card_name(face)}.png" for face in AXES}, [0.3, 0.5, 0.2])
     stage.Save()
     return path
 
@@ -169,7 +169,7 @@ def test_one_attribute_switches_to_cards_and_no_validator_minds(tmp_path):
 def test_the_same_bytes_again(tmp_path):
     first, second = (with_cards(tmp_path / name) for name in ("a", "b"))
     for face in AXES:
-        name = f"textures/{card_file(face)}"
+        name = f"textures/{card_name(face)}.png"
         assert (first.parent / name).read_bytes() == (second.parent / name).read_bytes()
     assert first.read_bytes() == second.read_bytes()
 

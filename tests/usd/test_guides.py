@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from forestgen.tree.capsules import MOST, collision_capsules
 from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import TreeModel
+from forestgen.usd.extras import Extras
 from forestgen.usd.guides import LAYER, from_up, guides_layer
 from forestgen.usd.layers import open_stage, save
 from forestgen.usd.tree_asset import write_tree_asset
@@ -30,13 +31,7 @@ def model() -> TreeModel:
 def written(model: TreeModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tree with its guides."""
     folder = tmp_path_factory.mktemp("guides") / "oak"
-    path = write_tree_asset(model, folder)
-    save(guides_layer("oak", model.skeleton), folder / LAYER)
-    payload = Sdf.Layer.FindOrOpen(str(folder / "payload.usdc"))
-    if f"./{LAYER}" not in list(payload.subLayerPaths):
-        payload.subLayerPaths.append(f"./{LAYER}")
-        payload.Save()
-    return path
+    return write_tree_asset(model, folder, Extras(guides=True))
 
 
 def test_validators_find_nothing(written: Path) -> None:

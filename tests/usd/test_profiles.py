@@ -18,18 +18,13 @@ from forestgen.usd.read import read_drawables
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
 from tests.usd.models import tree_model
-from tests.usd.subjects import write_subject
-
-SUBJECTS = {"oak": "out/trees/oak", "bare": "out/trees/bare", "wood": "out", "points": "points"}
+from tests.usd.subjects import SUBJECTS, write_subjects
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A scene of a leafy and a bare tree, beside it the same by an instancer of trees; not to be changed."""
-    folder = tmp_path_factory.mktemp("aus ü") / "out"
-    write_subject(folder)
-    write_subject(folder.with_name("points"), "points")
-    return folder
+    return write_subjects(tmp_path_factory.mktemp("aus ü"))
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,9 @@ from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import TreeModel
 from forestgen.tree.rig import INFLUENCES, joint_turns, rig_of, skin_of_mesh
 from forestgen.tree.sway import PERIOD, Gust
+from forestgen.usd.flatten import flat_leaves
 from forestgen.usd.layers import open_stage
-from forestgen.usd.rig import FPS, flat_leaves, joint_names, write_rig
+from forestgen.usd.rig import FPS, joint_names, write_rig
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
 from tests.tree.skeletons import random_tree

@@ -15,6 +15,7 @@ from forestgen.tree.limb_tree import limb_tree
 from forestgen.tree.model import TreeModel
 from forestgen.tree.sway import GUST, HZ_PER_LEVEL, LEAN, SIDE, SIDE_HZ, TRUNK_HZ, Gust, sway
 from forestgen.tree.wind import wind_of
+from forestgen.usd.extras import Extras
 from forestgen.usd.layers import open_stage, save
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
@@ -36,13 +37,7 @@ def model() -> TreeModel:
 def written(model: TreeModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tree with its wind."""
     folder = tmp_path_factory.mktemp("wind") / "oak"
-    path = write_tree_asset(model, folder)
-    save(wind_layer("oak", model.skeleton, [full_level(model)]), folder / LAYER)
-    payload = Sdf.Layer.FindOrOpen(str(folder / "payload.usdc"))
-    if f"./{LAYER}" not in list(payload.subLayerPaths):
-        payload.subLayerPaths.append(f"./{LAYER}")
-    payload.Save()
-    return path
+    return write_tree_asset(model, folder, Extras(wind=True))
 
 
 def shader(prim: Usd.Prim, points: NDArray[np.float32], gust: Gust) -> NDArray[np.float64]:
