@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from forestgen.arrays import stage_rng
+from forestgen.tree.leaf_sort import sorted_leaves
 from forestgen.tree.methods import STAGES, Method
 from forestgen.tree.model import TreeModel
 from forestgen.tree.painted import paint
@@ -150,7 +151,7 @@ def _grow(
     with watch.time("atlas"):
         atlas = method.atlas(views, rng=stage_rng(seed, "atlas"))
     with watch.time("leaves"):
-        leaves = method.leaves(skeleton, views, atlas, rng=stage_rng(seed, "leaves"))
+        leaves = sorted_leaves(method.leaves(skeleton, views, atlas, rng=stage_rng(seed, "leaves")), skeleton)
     bare = all(view.mattes.is_bare for view in views)
     return TreeModel(
         name=name,

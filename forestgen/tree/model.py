@@ -104,6 +104,10 @@ class Leaves:
     def __len__(self) -> int:
         return len(self.size)
 
+    def take(self, index: NDArray[np.int64]) -> Leaves:
+        """Some of them, or all in another order: those at index (K,)."""
+        return Leaves(self.position[index], self.orientation[index], self.size[index], self.prototype[index])
+
 
 @dataclass(frozen=True, eq=False)
 class Bark:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, Vt
 
 from forestgen.tree.level import Level
-from forestgen.tree.model import Leaves
 from forestgen.tree.seasons import SEASONS, Season
 from forestgen.usd.geometry import Box, leaves_box, vec3f
 from forestgen.usd.layers import new_stage
@@ -129,6 +128,5 @@ def _name_picture(spec: Sdf.PrimSpec, name: str, picture: str) -> None:
 
 def _kept_box(level: Level, gone: NDArray[np.int64]) -> Box:
     """The box (2, 3) around the leaves that have not fallen."""
-    leaves, kept = level.leaves, np.setdiff1d(np.arange(len(level.leaves)), gone)
-    left = Leaves(leaves.position[kept], leaves.orientation[kept], leaves.size[kept], leaves.prototype[kept])
-    return leaves_box(left, level.prototypes)
+    kept = np.setdiff1d(np.arange(len(level.leaves)), gone)
+    return leaves_box(level.leaves.take(kept), level.prototypes)

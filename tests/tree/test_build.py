@@ -65,6 +65,7 @@ def test_every_method_builds_the_drawn_tree(name: str, drawn: DrawnTree) -> None
         assert model.skeleton.position[:, 1].max() < 1.1 * HEIGHT
         assert np.abs(foot[:, [0, 2]]).max() < 1.0
     assert len(model.leaves) > 20
+    assert np.all(np.diff(model.leaves.prototype) >= 0)  # kept in the order that stores well
     assert list(model.seconds) == list(STAGES)
     assert all(0 < len(cost) <= QUICK["iterations"] for cost in model.costs.values())
     assert model.notes == ()
