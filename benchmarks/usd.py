@@ -12,18 +12,24 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 from pxr import Usd, UsdGeom  # noqa: TID251 - the plain ways are written with it
 
+from forestgen.finishing import coarsening
 from forestgen.scene.forest import Forest
-from forestgen.tree.model import Mesh, TreeModel
+from forestgen.tree.leaf_sort import sorted_leaves
+from forestgen.tree.lod import LOD_STEPS, coarser_level
+from forestgen.tree.model import TreeModel
+from forestgen.usd.extras import Extras
 from forestgen.usd.forest_scene import Instancing, write_forest
 from forestgen.usd.read import read_drawables
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import usd_findings, validate_file
+from tests.tree.lod_trees import bushy_tree
 from tests.usd.models import tree_model
 
 LIGHTUSD = Path(".venv-lightusd/bin/python")
@@ -33,6 +39,7 @@ start = time.process_time()
 lightusd.load(sys.argv[1])
 print(time.process_time() - start)
 """
+LEAVES, NODES, PROTOTYPES = 200_000, 6_000, 32  # so many nodes of a random tree give 80,000 triangles
 KINDS: tuple[Instancing, ...] = ("native", "points")
 
 
@@ -46,18 +53,14 @@ def seconds(work: Callable[[], object], repeats: int = 3) -> float:
     return float(best)
 
 
-def big_tree(n_leaves: int, n_triangles: int) -> TreeModel:
-    """A model of the given size: wood of small triangles in a box, leaves anywhere around it."""
+@cache
+def big_tree(n_leaves: int, n_nodes: int) -> TreeModel:
+    """A random tree of so many nodes, with wood as all trees have it and leaves about its twigs, kept as in a build."""
+    model = bushy_tree(n_leaves, n_nodes)
     rng = np.random.default_rng(1)
-    n_points = n_triangles // 2
-    start = rng.integers(0, n_points - 2, n_triangles)
-    mesh = Mesh(
-        points=rng.uniform([-1, 0, -1], [1, 3, 1], (n_points, 3)),
-        normals=np.tile([0.0, 1.0, 0.0], (n_points, 1)),
-        uv=np.round(rng.uniform(size=(n_points, 2)), 3),
-        faces=start[:, None] + np.arange(3),
-    )
-    return tree_model(mesh=mesh, n_leaves=n_leaves, n_prototypes=32)
+    atlas = replace(model.atlas, prototypes=model.atlas.prototypes * (PROTOTYPES // len(model.atlas.prototypes)))
+    leaves = replace(model.leaves, prototype=rng.integers(0, len(atlas.prototypes), n_leaves))
+    return replace(model, atlas=atlas, leaves=sorted_leaves(leaves, model.skeleton))
 
 
 def plain_leaves(model: TreeModel, folder: Path) -> None:
@@ -108,6 +111,13 @@ def megabytes(folder: Path) -> float:
     return sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".usda", ".usdc")) / 1e6
 
 
+def sizes(folder: Path) -> str:
+    """What the layers of a tree take, textures left out; the 8 MB are those of the full level."""
+    parts = {"full level": "geometry", "coarser levels": "lods", "wind": "wind", "guides": "guides"}
+    told = (f"{name} {(folder / f'{file}.usdc').stat().st_size / 1e6:.1f}" for name, file in parts.items())
+    return f"{megabytes(folder):.1f} MB: {', '.join(told)}"
+
+
 def seconds_in_lightusd(path: Path) -> str:
     """How long a program that nobody here wrote takes to open a stage."""
     if not LIGHTUSD.is_file():
@@ -117,18 +127,23 @@ def seconds_in_lightusd(path: Path) -> str:
 
 
 def trees(out: Path) -> None:
-    """One tree, written, read and validated."""
-    model, quarter = big_tree(200_000, 80_000), big_tree(50_000, 20_000)
-    few = replace(big_tree(2_000, 1_000), mesh=tree_model().mesh)
+    """One tree, written, read and validated; then with all that a build writes beside it."""
+    model, quarter = big_tree(LEAVES, NODES), big_tree(LEAVES // 4, NODES // 4)
+    few = replace(big_tree(2_000, 100), mesh=tree_model().mesh)
     large = seconds(lambda: write_tree_asset(model, out / "oak"))
     slope = large / seconds(lambda: write_tree_asset(quarter, out / "quarter")) / 4
+    holds = f"{len(model.leaves) // 1000}k leaves and {len(model.mesh.faces) // 1000}k triangles of wood"
     size = f"{megabytes(out / 'oak'):.1f} of 8 MB"
-    show("tree of 200k leaves and 80k triangles written", large, f"budget 1 s, slope {slope:.2f}, {size}")
+    show(f"tree of {holds} written", large, f"budget 1 s, slope {slope:.2f}, {size}")
     asset = out / "oak" / "oak.usda"
     show("   read back as drawables", seconds(lambda: read_drawables(asset)))
     stage = Usd.Stage.Open(str(asset))
     usd, every = seconds(lambda: usd_findings(stage)), seconds(lambda: validate_file(asset))
     show("   validated, our own checks too", every, f"budget 2 s; USD's validators alone take {usd:.3f} s")
+    levels = coarsening(model, [coarser_level(model, step) for step in LOD_STEPS])
+    extras = Extras(levels, wind=True, guides=True)
+    whole = seconds(lambda: write_tree_asset(model, out / "whole" / "oak", extras), 1)
+    show("   with coarser levels, wind, guides", whole, sizes(out / "whole" / "oak"))
     instancer = seconds(lambda: write_tree_asset(few, out / "few"))
     prims = seconds(lambda: plain_leaves(few, out), 1)
     show("2,000 leaves as an instancer", instancer, f"a prim each takes {prims / instancer:.0f} x as long")

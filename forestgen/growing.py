@@ -191,7 +191,7 @@ def check_frames(frames: int, fps: float, tolerance: float) -> None:
 def bytes_per_key(still: StillTree, is_bent: bool) -> float:
     """How much one sample of all attributes takes, with what is sampled at every TURNED_EVERY-th key only."""
     n_leaves = len(still.leaf_position)
-    return 12 * len(still.points) * (1 + is_bent / TURNED_EVERY) + n_leaves * (24 + 8 / TURNED_EVERY)
+    return 12 * len(still.kept) * (1 + is_bent / TURNED_EVERY) + n_leaves * (24 + 8 / TURNED_EVERY)
 
 
 def add_samples(

@@ -77,24 +77,3 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
         uv=np.concatenate([mesh.uv for mesh in meshes]),
         faces=np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=True)]),
     )
-
-
-def welded(mesh: Mesh) -> tuple[Mesh, NDArray[np.float64]]:
-    """A mesh without points of the same place and normal, as float32, and the uv (3 F, 2) of its faces' corners.
-
-    Points stand in the order of their first use; a seam of the texture is no longer one of the mesh.
-    """
-    row = np.concatenate([mesh.points, mesh.normals], axis=1).astype(np.float32) + np.float32(0)  # no -0
-    key = np.ascontiguousarray(row).view(np.uint64)  # (P, 3)
-    order = np.lexsort(key.T)
-    is_new = np.ones(len(order), bool)
-    is_new[1:] = (key[order[1:]] != key[order[:-1]]).any(axis=1)
-    group = np.empty(len(order), np.int64)
-    group[order] = np.cumsum(is_new) - 1
-    first = np.full(int(is_new.sum()), len(order))
-    np.minimum.at(first, group, np.arange(len(order)))
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    kept = np.sort(first)
-    one = Mesh(mesh.points[kept], mesh.normals[kept], mesh.uv[kept], rank[group][mesh.faces])
-    return one, mesh.uv[mesh.faces.ravel()]

@@ -11,6 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from forestgen.tree.level import Level
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh
 from forestgen.tree.places import rotation_matrix
+from forestgen.usd.seams import weld
 
 Box = NDArray[np.float32]  # (2, 3): low and high corner, m
 
@@ -38,8 +39,12 @@ def bind(prim: Usd.Prim, material: Sdf.Path) -> None:
     prim.CreateRelationship("material:binding", False).SetTargets([material])
 
 
-def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, material: Sdf.Path) -> Box:
-    """Author triangles as a polygon mesh, seen from both sides; give its extent (2, 3).
+def define_mesh(
+    stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, material: Sdf.Path, *, by_corner: bool = False
+) -> Box:
+    """Author triangles as a polygon mesh, closed at seams and seen from both sides; give its extent (2, 3).
+
+    Texture coordinates are stored once each, by point, or by face corner where there are seams or it is asked for.
 
     Raises:
         ValueError: the mesh has no face, or numbers that are not finite; nothing is authored then.
@@ -49,13 +54,15 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, ma
     for name in ("points", "normals", "uv"):
         if not np.isfinite(getattr(mesh, name)).all():
             raise ValueError(f"{path}: {name} holds NaN")
+    welded = weld(mesh)
     prim = UsdGeom.Mesh.Define(stage, path)
-    prim.CreatePointsAttr(vec3f(mesh.points))
+    prim.CreatePointsAttr(vec3f(mesh.points[welded.kept]))
     prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
-    prim.CreateNormalsAttr(vec3f(mesh.normals))
+    prim.CreateFaceVertexIndicesAttr(_ints(welded.stored[mesh.faces]))
+    prim.CreateNormalsAttr(vec3f(mesh.normals[welded.kept]))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    _author_st(prim, mesh.uv)
+    value, index = _distinct(mesh.uv)
+    _author_st(prim, value, index[mesh.faces] if by_corner or welded.is_closed else index)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     prim.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
     prim.CreateDoubleSidedAttr(True)
@@ -65,15 +72,28 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh | LeafPrototype, ma
     return box
 
 
-def _author_st(prim: UsdGeom.Mesh, uv: NDArray[np.float64]) -> None:
-    """Author texture coordinates (P, 2) a point; where some come twice, each value once and an index."""
+def _author_st(prim: UsdGeom.Mesh, value: NDArray[np.float32], index: NDArray[np.int64]) -> None:
+    """Author texture coordinates (D, 2) with an index by point (P,) or by corner (F, 3); by point none if D is P."""
+    interpolation = UsdGeom.Tokens.faceVarying if index.ndim == 2 else UsdGeom.Tokens.vertex
+    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, interpolation)
+    st.Set(Vt.Vec2fArray.FromNumpy(value))
+    if index.ndim == 2 or len(value) < len(index):
+        st.SetIndices(_ints(index))
+
+
+def _distinct(uv: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """The distinct rows (D, 2) of (P, 2) as float32, in the order of their first use, and which one each is (P,)."""
     value = np.ascontiguousarray(uv.astype(np.float32) + np.float32(0))  # no -0: it would hide a repetition
     _, first, index = np.unique(value.view(np.uint64).ravel(), return_index=True, return_inverse=True)
-    st = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    if len(first) < len(value):
-        st.SetIndices(Vt.IntArray.FromNumpy(index.astype(np.int32)))
-        value = value[first]
-    st.Set(Vt.Vec2fArray.FromNumpy(value))
+    order = np.argsort(first)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return value[first[order]], rank[index]
+
+
+def _ints(array: NDArray[np.int64]) -> Vt.IntArray:
+    """USD's own array of whole numbers, of any shape, row after row."""
+    return Vt.IntArray.FromNumpy(np.ascontiguousarray(array.ravel(), np.int32))
 
 
 def define_leaves(
@@ -99,7 +119,7 @@ def define_leaves(
         define_mesh(stage, target, leaf, material)
     instancer.CreatePrototypesRel().SetTargets(targets)
     size = leaves.size.astype(np.float32)
-    instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(leaves.prototype.astype(np.int32)))
+    instancer.CreateProtoIndicesAttr(_ints(leaves.prototype))
     instancer.CreatePositionsAttr(vec3f(leaves.position))
     instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(stored_turn(leaves)))
     instancer.CreateScalesAttr(vec3f(np.repeat(size[:, None], 3, axis=1)))

@@ -18,6 +18,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from forestgen.errors import InputError
 from forestgen.usd.geometry import Box, box_of, instances_box, union, vec3f
 from forestgen.usd.layers import new_stage, open_stage, save
+from forestgen.usd.polygons import read_triangles
 
 SET, STILL, MOVING = "growth", "static", "animated"
 FULL = "geo/LOD0"  # the level of detail that grows; the others show the finished tree
@@ -26,10 +27,11 @@ LAYER, FILM = "growth.usdc", "growing.usda"
 
 @dataclass(frozen=True, eq=False)
 class StillTree:
-    """The geometry of a written tree, as stored. P vertices, F faces, L leaves."""
+    """The geometry of a written tree. P vertices, twice where the texture has a seam; F faces, L leaves."""
 
     name: str
     points: NDArray[np.float32]  # (P, 3) m
+    kept: NDArray[np.int64]  # (K,) the vertex that each stored point is
     normals: NDArray[np.float32]  # (P, 3), or (0, 3) where they are not one a vertex
     faces: NDArray[np.int64]  # (F, 3)
     leaf_position: NDArray[np.float32]  # (L, 3) m
@@ -52,10 +54,10 @@ def read_still(path: Path) -> StillTree:
         with Usd.EditContext(stage, stage.GetSessionLayer()):
             root.GetVariantSet(SET).SetVariantSelection(STILL)
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(root.GetPath().AppendPath(f"{FULL}/branches")))
-    points = _rows(mesh.GetPointsAttr().Get() if mesh else None, np.float32, 3)
-    count = np.array(mesh.GetFaceVertexCountsAttr().Get() if mesh else [])
-    if not len(points) or not np.all(count == 3):
+    wood = read_triangles(mesh.GetPrim(), Usd.TimeCode.Default()) if mesh else None
+    if wood is None or not np.all(np.array(mesh.GetFaceVertexCountsAttr().Get()) == 3):
         raise InputError(f"{path}: has no triangles at {FULL}/branches; expected a tree that was built: build it again")
+    points = _rows(mesh.GetPointsAttr().Get(), np.float32, 3)
     normals = _rows(mesh.GetNormalsAttr().Get(), np.float32, 3)
     leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath(root.GetPath().AppendPath(f"{FULL}/leaves")))
     box, which = np.zeros((1, 2, 3), np.float32), np.zeros(0, np.int64)
@@ -65,9 +67,10 @@ def read_still(path: Path) -> StillTree:
         box = np.array([target.GetExtentAttr().Get() for target in targets], np.float32)
     return StillTree(
         name=root.GetName(),
-        points=points,
-        normals=normals if len(normals) == len(points) else normals[:0],
-        faces=np.array(mesh.GetFaceVertexIndicesAttr().Get(), np.int64).reshape(-1, 3),
+        points=points[wood.stored],
+        kept=np.unique(wood.stored, return_index=True)[1],
+        normals=normals[wood.stored] if len(normals) == len(points) else normals[:0],
+        faces=wood.faces,
         leaf_position=_rows(leaves.GetPositionsAttr().Get() if leaves else None, np.float32, 3),
         leaf_turn=_rows(leaves.GetOrientationsAttr().Get() if leaves else None, np.float16, 4),
         leaf_scale=_rows(leaves.GetScalesAttr().Get() if leaves else None, np.float32, 3),
@@ -97,11 +100,11 @@ class GrowthLayer:
 
     def add_branches(self, frame: int, points: NDArray[np.float32], normals: NDArray[np.float32] | None) -> None:
         """The wood in a frame: places (P, 3) and, in some frames, normals (P, 3)."""
-        box = box_of(points)
-        self._sample("branches.points", frame, vec3f(points))
+        box, kept = box_of(points), self.still.kept
+        self._sample("branches.points", frame, vec3f(points[kept]))
         self._sample("branches.extent", frame, vec3f(box))
         if normals is not None and len(normals):
-            self._sample("branches.normals", frame, vec3f(normals))
+            self._sample("branches.normals", frame, vec3f(normals[kept]))
         self.boxes.setdefault(frame, []).append(box)
 
     def add_leaves(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from forestgen.errors import InputError
+
+APART = ("faceVarying", "uniform")  # interpolations that may give a point several values
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +23,14 @@ class Triangles:
     polygon: NDArray[np.int64]  # (F,) the mesh's face that each triangle is a part of
     normals: NDArray[np.float64] | None  # (P, 3) unit
     uv: Callable[[str], NDArray[np.float64] | None]  # name of a primvar -> (P, 2)
+    stored: NDArray[np.int64]  # (P,) the mesh's own point that each is
 
 
 def read_triangles(prim: Usd.Prim, time: Usd.TimeCode) -> Triangles | None:
     """Cut a mesh's polygons into fans; None where it has no face. The control cage stands for a subdivision surface.
 
-    Points are kept as they are when all attributes are per point, else each corner gets its own.
+    Points are kept as they are when all attributes are per point. Where texture coordinates alone are by corner and
+    have an index, a point stands as often as it has coordinates, in their order; else each corner gets its own.
 
     Raises:
         InputError: an index or a count that does not fit the points.
@@ -53,19 +57,26 @@ def read_triangles(prim: Usd.Prim, time: Usd.TimeCode) -> Triangles | None:
     owner = np.repeat(np.arange(len(count)), count)  # polygon of each corner
     primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues()
     normals, rate = _normals(mesh, time)
-    is_split = any(v.GetInterpolation() in ("faceVarying", "uniform") for v in primvars if _is_uv(v))
-    is_split |= normals is not None and rate in ("faceVarying", "uniform")
+    cut = [v for v in primvars if _is_uv(v) and v.GetInterpolation() in APART]
+    at = own = np.arange(len(index))  # a corner that each returned point stands at, and the point of each corner
+    if normals is not None and rate in APART:
+        stored = index
+    elif cut:
+        at, own = _seams(index, cut, time)
+        stored = index[at]
+    else:
+        own, stored = index, np.arange(len(points))
 
     def spread(values: NDArray[np.float64], interpolation: str) -> NDArray[np.float64]:
         """Values of any interpolation, one a point as returned."""
         if interpolation == UsdGeom.Tokens.constant:
-            row = np.zeros(len(index) if is_split else len(points), np.int64)
+            row = np.zeros(len(stored), np.int64)
         elif interpolation == UsdGeom.Tokens.uniform:
-            row = owner
+            row = owner[at]
         elif interpolation == UsdGeom.Tokens.faceVarying:
-            row = np.arange(len(index))
+            row = at
         else:
-            row = index if is_split else np.arange(len(points))
+            row = stored
         if len(row) and row.max() >= len(values):
             raise InputError(f"{prim.GetPath()}: an attribute of {interpolation} interpolation is too short")
         return values[row]
@@ -77,12 +88,30 @@ def read_triangles(prim: Usd.Prim, time: Usd.TimeCode) -> Triangles | None:
         return spread(np.array(primvar.ComputeFlattened(time), float).reshape(-1, 2), primvar.GetInterpolation())
 
     return Triangles(
-        points=points[index] if is_split else points,
-        faces=corner if is_split else index[corner],
+        points=points[stored],
+        faces=own[corner],
         polygon=polygon,
         normals=None if normals is None else _unit(spread(normals, rate)),
         uv=uv,
+        stored=stored,
     )
+
+
+def _seams(
+    index: NDArray[np.int64], cut: Sequence[UsdGeom.Primvar], time: Usd.TimeCode
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Points where texture coordinates `cut` are by corner: a corner of each (Q,), and the point of each corner (C,).
+
+    `index` (C,) is the mesh's own point at each corner. With one entry of an index of corners it stands once.
+    """
+    every = np.arange(len(index))
+    if len(cut) > 1 or cut[0].GetInterpolation() != UsdGeom.Tokens.faceVarying or not cut[0].IsIndexed():
+        return every, every
+    entry = np.array(cut[0].GetIndices(time), np.int64)
+    if len(entry) != len(index):
+        return every, every
+    _, at, own = np.unique(entry * (index.max() + 1) + index, return_index=True, return_inverse=True)
+    return at, own
 
 
 def fan(count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

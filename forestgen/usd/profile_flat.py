@@ -4,7 +4,8 @@
         geo         Scope: one Mesh a material    standings of a tree in one of them
         mtl         Scope: UsdPreviewSurface
 
-three.js draws what instancers hold once, at the origin, and ARKit refuses them.
+three.js draws what instancers hold once, at the origin, and ARKit refuses them. Texture coordinates are stored by
+corner: three.js 0.187 takes indices for those of corners, whatever the interpolation says.
 """
 
 from __future__ import annotations
@@ -12,15 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, Vt
+from pxr import Sdf, Usd, UsdGeom
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
 from forestgen.usd.component import define_component, take_materials
 from forestgen.usd.composed import Composed, Part
-from forestgen.usd.flatten import welded
 from forestgen.usd.geometry import define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, save
 from forestgen.usd.package import write_usdz
@@ -80,21 +78,7 @@ def _define(
     geo = UsdGeom.Scope.Define(stage, path.AppendChild("geo")).GetPath()
     boxes = []
     for part in parts:
-        mesh, uv = welded(part.mesh)
-        boxes.append(define_mesh(stage, geo.AppendChild(part.name), mesh, mtl.AppendChild(part.material.name)))
-        _author_by_corner(UsdGeom.Mesh(stage.GetPrimAtPath(geo.AppendChild(part.name))), uv)
+        where, material = geo.AppendChild(part.name), mtl.AppendChild(part.material.name)
+        boxes.append(define_mesh(stage, where, part.mesh, material, by_corner=True))
     UsdGeom.ModelAPI.Apply(prim).SetExtentsHint(vec3f(union(boxes)))
     return pictures
-
-
-def _author_by_corner(mesh: UsdGeom.Mesh, uv: NDArray[np.float64]) -> None:
-    """Author texture coordinates (3 F, 2) of face corners, each value once and an index.
-
-    three.js 0.187 takes indices for those of corners, whatever the interpolation says.
-    """
-    value = np.ascontiguousarray(uv.astype(np.float32) + np.float32(0))
-    _, first, index = np.unique(value.view(np.uint64).ravel(), return_index=True, return_inverse=True)
-    st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
-    st.SetInterpolation(UsdGeom.Tokens.faceVarying)
-    st.Set(Vt.Vec2fArray.FromNumpy(value[first]))
-    st.SetIndices(Vt.IntArray.FromNumpy(index.astype(np.int32)))

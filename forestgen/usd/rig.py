@@ -19,12 +19,13 @@ from forestgen.errors import InputError
 from forestgen.tree.foliage_poses import quaternions
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.limb_tree import limb_tree
-from forestgen.tree.model import TreeModel
+from forestgen.tree.model import Mesh, TreeModel
 from forestgen.tree.rig import INFLUENCES, MOST_JOINTS, Rig, Skin, joint_turns, rig_of, skin_of_leaves, skin_of_mesh
 from forestgen.tree.sway import PERIOD, Gust
 from forestgen.usd.flatten import flat_leaves
 from forestgen.usd.geometry import define_mesh, vec3f
 from forestgen.usd.layers import new_stage, require_prim_name, save
+from forestgen.usd.seams import weld
 
 FPS = 24
 SAMPLE_EVERY = 2  # frames; readers interpolate
@@ -65,15 +66,15 @@ def write_rig(
     drawn = full_level(model) if level is None else level
     if len(drawn.mesh.faces):
         define_mesh(stage, geo.AppendChild("branches"), drawn.mesh, mtl.AppendChild("bark"))
-        _bind(stage, geo.AppendChild("branches"), skeleton, skin_of_mesh(rig, drawn.mesh))
+        _bind(stage, geo.AppendChild("branches"), skeleton, drawn.mesh, skin_of_mesh(rig, drawn.mesh))
     if len(drawn.leaves):
         mesh, leaf = flat_leaves(drawn.leaves, drawn.prototypes)
         define_mesh(stage, geo.AppendChild("leaves"), mesh, mtl.AppendChild("leaf"))
         foot = skin_of_leaves(rig, drawn.leaves)
-        _bind(stage, geo.AppendChild("leaves"), skeleton, Skin(foot.joint[leaf], foot.weight[leaf]))
+        _bind(stage, geo.AppendChild("leaves"), skeleton, mesh, Skin(foot.joint[leaf], foot.weight[leaf]))
     if len(drawn.cards.faces):
         define_mesh(stage, geo.AppendChild("leaf_cards"), drawn.cards, mtl.AppendChild("leaf_cards"))
-        _bind(stage, geo.AppendChild("leaf_cards"), skeleton, _on_root(len(drawn.cards.points)))
+        _bind(stage, geo.AppendChild("leaf_cards"), skeleton, drawn.cards, _on_root(len(drawn.cards.points)))
     _author_extent(root, animated=strength is not None)
     save(stage.GetRootLayer(), folder / f"{name}_rig.usdc")
     return save(_opened_first(name, animated=strength is not None), folder / f"{name}_rig.usda")
@@ -169,12 +170,13 @@ def _on_root(n_points: int) -> Skin:
     return Skin(np.zeros((n_points, INFLUENCES), np.int64), weight)
 
 
-def _bind(stage: Usd.Stage, path: Sdf.Path, skeleton: UsdSkel.Skeleton, skin: Skin) -> None:
-    """Bind a mesh with P points to the skeleton."""
+def _bind(stage: Usd.Stage, path: Sdf.Path, skeleton: UsdSkel.Skeleton, mesh: Mesh, skin: Skin) -> None:
+    """Bind what is written of a mesh with P points to the skeleton."""
+    kept = weld(mesh).kept
     binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(path))
     binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
-    joints = np.ascontiguousarray(skin.joint.ravel(), np.int32)
-    weights = np.ascontiguousarray(skin.weight.ravel(), np.float32)
+    joints = np.ascontiguousarray(skin.joint[kept].ravel(), np.int32)
+    weights = np.ascontiguousarray(skin.weight[kept].ravel(), np.float32)
     binding.CreateJointIndicesPrimvar(False, INFLUENCES).Set(Vt.IntArray.FromNumpy(joints))
     binding.CreateJointWeightsPrimvar(False, INFLUENCES).Set(Vt.FloatArray.FromNumpy(weights))
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1))

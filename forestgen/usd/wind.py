@@ -20,6 +20,7 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.wind import Wind, limb_of_leaves, limb_of_mesh, wind_of
 from forestgen.usd.geometry import vec3f
 from forestgen.usd.layers import new_stage
+from forestgen.usd.seams import weld
 
 LAYER = "wind.usdc"
 
@@ -39,11 +40,11 @@ def wind_layer(name: str, skeleton: Skeleton, levels: Sequence[Level]) -> Sdf.La
         home = geo.AppendChild(f"LOD{k}")
         parts: dict[str, NDArray[np.int64]] = {}
         if len(level.mesh.faces):
-            parts["branches"] = limb_of_mesh(level.mesh, tree)
+            parts["branches"] = limb_of_mesh(level.mesh, tree)[weld(level.mesh).kept]
         if len(level.leaves):
             parts["leaves"] = limb_of_leaves(level.leaves, tree)
         if len(level.cards.faces):
-            parts["leaf_cards"] = np.zeros(len(level.cards.points), np.int64)
+            parts["leaf_cards"] = np.zeros(len(weld(level.cards).kept), np.int64)
         for part, limb in parts.items():
             _author_values(UsdGeom.PrimvarsAPI(stage.OverridePrim(home.AppendChild(part))), wind, limb)
     return stage.GetRootLayer()

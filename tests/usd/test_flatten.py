@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from forestgen.render.drawable import Drawable
-from forestgen.tree.model import Mesh
-from forestgen.usd.flatten import cofactors, flattened, joined, welded
+from forestgen.usd.flatten import cofactors, flattened, joined
 from tests.usd.models import box_mesh
 
 
@@ -106,27 +105,3 @@ def test_joined_meshes_keep_every_corner() -> None:
 def test_nothing_cannot_be_joined() -> None:
     with pytest.raises(ValueError, match="no mesh"):
         joined([])
-
-
-def test_welding_keeps_every_corner_and_no_point_twice() -> None:
-    part = box_mesh(1.0, 2.0)
-    rng = np.random.default_rng(2)
-    split = Mesh(  # each corner a point of its own, with its own uv, in any order
-        points=part.points[part.faces].reshape(-1, 3),
-        normals=part.normals[part.faces].reshape(-1, 3),
-        uv=rng.random((36, 2)),
-        faces=rng.permutation(36).reshape(-1, 3),
-    )
-    mesh, uv = welded(split)
-    assert len(mesh.points) == 8
-    assert_array_equal(mesh.points[mesh.faces], split.points[split.faces])
-    assert_array_equal(mesh.normals[mesh.faces], split.normals[split.faces])
-    assert_array_equal(uv, split.uv[split.faces].reshape(-1, 2))
-    assert_array_equal(mesh.points, split.points[np.sort(np.unique(split.points, axis=0, return_index=True)[1])])
-
-
-def test_points_of_one_place_with_two_normals_stay_two() -> None:
-    twice = Mesh(np.zeros((3, 3)), np.array([[0, 0, 1.0], [0, 0, 1.0], [0, 1.0, 0]]), np.zeros((3, 2)), [[0, 1, 2]])
-    mesh, _ = welded(twice)
-    assert_array_equal(mesh.faces, [[0, 0, 1]])
-    assert_array_equal(mesh.normals, [[0, 0, 1], [0, 1, 0]])
