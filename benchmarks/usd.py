@@ -107,14 +107,20 @@ def show(what: str, time: float, note: str = "") -> None:
 
 
 def megabytes(folder: Path) -> float:
-    """The size of a tree's layers, textures left out."""
-    return sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".usda", ".usdc")) / 1e6
+    """The size of a tree's files, textures left out."""
+    return sum(path.stat().st_size for path in folder.iterdir() if path.is_file()) / 1e6
 
 
 def sizes(folder: Path) -> str:
-    """What the layers of a tree take, textures left out; the 8 MB are those of the full level."""
-    parts = {"full level": "geometry", "coarser levels": "lods", "wind": "wind", "guides": "guides"}
-    told = (f"{name} {(folder / f'{file}.usdc').stat().st_size / 1e6:.1f}" for name, file in parts.items())
+    """What the parts of a tree take, textures left out; the 8 MB are those of the full level."""
+    parts = {
+        "full level": "geometry.usdc",
+        "coarser levels": "lods.usdc",
+        "wind": "wind.usdc",
+        "guides": "guides.usdc",
+        "skeleton as text": "skeleton.json",
+    }
+    told = (f"{name} {(folder / file).stat().st_size / 1e6:.1f}" for name, file in parts.items())
     return f"{megabytes(folder):.1f} MB: {', '.join(told)}"
 
 

@@ -63,7 +63,7 @@ def _chosen(composed: Composed, level: int | None, max_triangles: int) -> list[D
     told = ", ".join(f"level {k}: {count:,}" for k, count in enumerate(counts))
     raise InputError(
         f"{composed.path}: no level of detail has at most {max_triangles:,} triangles ({told});"
-        " raise --max-triangles, or name one with --level"
+        f" give --max-triangles {max_triangles}, or name a level with --level"
     )
 
 

@@ -41,13 +41,12 @@ def write_profile(
     profile: str,
     *,
     level: int | None = None,
-    max_triangles: int | None = None,
     variants: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a tree (OUT/trees/NAME) or a scene (OUT) for a reader into the folder `target`; give its file.
 
     `level`: the level of detail of `blender` (0 unless said), `web` and `arkit` (unless said, the finest of
-    at most `max_triangles`, instances counted out: 200,000 for `web`, 100,000 for `arkit`). `variants`:
+    at most so many triangles, instances counted out: 200,000 for `web`, 100,000 for `arkit`). `variants`:
     variant set -> variant, selected before; not of `usd`, which keeps all.
 
     Raises:
@@ -57,7 +56,7 @@ def write_profile(
     """
     if profile not in PROFILES:
         raise InputError(f"there is no profile {profile!r}; it must be one of {', '.join(PROFILES)}")
-    _refuse_options(profile, level, max_triangles, variants)
+    _refuse_options(profile, level, variants)
     source, target = Path(source).resolve(), Path(target)
     root = find_root(source)
     if target.resolve() == root.parent:
@@ -68,8 +67,7 @@ def write_profile(
         made = work / "made"
         made.mkdir()
         if profile in FLAT:
-            most = TRIANGLES[profile] if max_triangles is None else max_triangles
-            file = write_flat(root, made, variants or {}, level, most)
+            file = write_flat(root, made, variants or {}, level, TRIANGLES[profile])
         else:
             file = _copied(root, made, _converter(profile, level or 0, variants or {}))
         install(made, target, sorted(entry.name for entry in made.iterdir()))
@@ -100,15 +98,7 @@ def find_root(source: Path) -> Path:
     raise InputError(f"{source}: holds no {own.name} and no scene; expected OUT/trees/NAME or OUT of a build")
 
 
-def _refuse_options(
-    profile: str, level: int | None, max_triangles: int | None, variants: Mapping[str, str] | None
-) -> None:
-    if max_triangles is not None and profile not in FLAT:
-        raise InputError(
-            f"--max-triangles chooses a level for {' and '.join(FLAT)}; profile {profile!r} has no use for it"
-        )
-    if max_triangles is not None and max_triangles < 1:
-        raise InputError(f"--max-triangles: expected 1 or more, came {max_triangles}")
+def _refuse_options(profile: str, level: int | None, variants: Mapping[str, str] | None) -> None:
     if level is not None and profile in ("usd", "unreal"):
         raise InputError(f"--level: profile {profile!r} holds all levels of detail; leave it out")
     if variants and profile == "usd":

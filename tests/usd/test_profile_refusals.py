@@ -36,8 +36,6 @@ def tree(out: Path, tmp_path: Path) -> Path:
         ("blender", {"level": 3}, "no level of detail 3"),
         ("unreal", {"level": 1}, "profile 'unreal' holds all levels"),
         ("usd", {"level": 1}, "profile 'usd' holds all levels"),
-        ("unreal", {"max_triangles": 100}, "profile 'unreal' has no use for it"),
-        ("web", {"max_triangles": 0}, "expected 1 or more"),
         ("web", {"variants": {"mood": "sad"}}, "no variant set 'mood'; it has LOD"),
         ("blender", {"variants": {"LOD": "LOD9"}}, "'LOD' has no 'LOD9'; it has LOD0, LOD1, LOD2, all"),
         ("usd", {"variants": {"LOD": "LOD1"}}, "keeps all variants"),

@@ -13,6 +13,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
+from forestgen.usd import profiles
 from forestgen.usd.profiles import FLAT, PROFILES, find_root, write_profile
 from forestgen.usd.read import read_drawables
 from forestgen.usd.tree_asset import write_tree_asset
@@ -205,7 +206,9 @@ def test_a_flat_scene_has_each_tree_once_with_all_its_standings(
         assert "bare/textures/bark.png" in archive.namelist()
 
 
-def test_budget_chooses_the_finest_level_that_keeps_it(out: Path, tmp_path: Path) -> None:
+def test_the_finest_level_of_few_enough_triangles_is_chosen(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tree = out / "trees" / "oak"
     counts = [
         sum(d.n_triangles for d in read_drawables(write_profile(tree, tmp_path / f"{k}", "web", level=k)))
@@ -213,10 +216,12 @@ def test_budget_chooses_the_finest_level_that_keeps_it(out: Path, tmp_path: Path
     ]
     assert counts[0] > counts[1] == 12 + 2 * 200 > counts[2] == 24
     for most, expected in ((counts[0], 0), (counts[0] - 1, 1), (counts[1], 1), (counts[1] - 1, 2), (24, 2)):
-        path = write_profile(tree, tmp_path / f"most{most}", "web", max_triangles=most)
+        monkeypatch.setitem(profiles.TRIANGLES, "web", most)
+        path = write_profile(tree, tmp_path / f"most{most}", "web")
         assert sum(d.n_triangles for d in read_drawables(path)) == counts[expected]
-    with pytest.raises(InputError, match=r"at most 23 triangles \(level 0: .*level 2: 24\); raise --max-triangles"):
-        write_profile(tree, tmp_path / "none", "web", max_triangles=23)
+    monkeypatch.setitem(profiles.TRIANGLES, "web", 23)
+    with pytest.raises(InputError, match=r"at most 23 triangles \(level 0: .*level 2: 24\); give --max-triangles 23"):
+        write_profile(tree, tmp_path / "none", "web")
     assert not (tmp_path / "none").exists()
 
 
