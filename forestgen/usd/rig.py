@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from forestgen.errors import InputError
+from forestgen.staging import install, staging
 from forestgen.tree.foliage_poses import quaternions
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.limb_tree import limb_tree
@@ -50,7 +51,7 @@ def write_rig(
     Raises:
         InputError: the folder holds no materials.usdc.
         ValueError: the name is no prim name, or the model cannot be drawn; nothing is written.
-        OSError: a file could not be written.
+        OSError: a file could not be written; an earlier rig is as it was.
     """
     require_prim_name(name)
     if not (folder / "materials.usdc").is_file():
@@ -76,8 +77,15 @@ def write_rig(
         define_mesh(stage, geo.AppendChild("leaf_cards"), drawn.cards, mtl.AppendChild("leaf_cards"))
         _bind(stage, geo.AppendChild("leaf_cards"), skeleton, drawn.cards, _on_root(len(drawn.cards.points)))
     _author_extent(root, animated=strength is not None)
-    save(stage.GetRootLayer(), folder / f"{name}_rig.usdc")
-    return save(_opened_first(name, animated=strength is not None), folder / f"{name}_rig.usda")
+    layers = {
+        f"{name}_rig.usdc": stage.GetRootLayer(),
+        f"{name}_rig.usda": _opened_first(name, animated=strength is not None),
+    }
+    with staging(folder) as work:
+        for file, layer in layers.items():
+            save(layer, work / file)
+        install(work, folder, list(layers))
+    return folder / f"{name}_rig.usda"
 
 
 def _opened_first(name: str, *, animated: bool) -> Sdf.Layer:

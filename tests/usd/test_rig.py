@@ -17,11 +17,12 @@ from forestgen.tree.model import TreeModel
 from forestgen.tree.rig import INFLUENCES, joint_turns, rig_of, skin_of_mesh
 from forestgen.tree.sway import PERIOD, Gust
 from forestgen.usd.flatten import flat_leaves
-from forestgen.usd.layers import open_stage
+from forestgen.usd.layers import open_stage, save
 from forestgen.usd.rig import FPS, joint_names, write_rig
 from forestgen.usd.seams import weld
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate
+from tests.small_scene import digests
 from tests.tree.skeletons import random_tree
 from tests.tree.test_rig import skinned
 from tests.tree.test_wind import leaves_at, model_of
@@ -196,3 +197,21 @@ def test_a_folder_without_a_tree_is_refused(model: TreeModel, tmp_path: Path) ->
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(ValueError, match="no prim name"):
         write_rig(model, tmp_path, "7 oaks")
+
+
+def test_a_failure_midway_leaves_the_earlier_rig(
+    model: TreeModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_tree_asset(model, tmp_path / "oak").parent
+    write_rig(model, folder, "oak", most_joints=10)
+    before = digests(folder)
+
+    def full_disk(layer: Sdf.Layer, path: Path) -> Path:
+        if path.suffix == ".usda":
+            raise OSError(f"{path} could not be written: disk full")
+        return save(layer, path)
+
+    monkeypatch.setattr("forestgen.usd.rig.save", full_disk)
+    with pytest.raises(OSError, match="disk full"):
+        write_rig(model, folder, "oak", most_joints=40)
+    assert digests(folder) == before
