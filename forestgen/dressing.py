@@ -16,12 +16,12 @@ from forestgen.arrays import stage_rng
 from forestgen.render.cards import CardPlan, bake_cards
 from forestgen.render.side_cards import side_cards
 from forestgen.tree.delight import delit
-from forestgen.tree.level import NO_LEAVES, Level, full_level
+from forestgen.tree.level import Level, full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.seasons import Season, fallen, season_atlas, seasons_of
 from forestgen.usd.card_textures import AXES, card_name
 from forestgen.usd.extras import CARDS, LEAF, picture_path
-from forestgen.usd.geometry import Box, level_box, union
+from forestgen.usd.geometry import level_box, union
 from forestgen.usd.seasons import SeasonLook
 from forestgen.usd.tree_layers import DELIT
 from forestgen.usd.variants import level_name
@@ -41,29 +41,32 @@ def dress(
         RenderError: no OpenGL to draw with.
     """
     every = [full_level(model), *levels]
-    box = union([level_box(level) for level in every])
-    wears_cards = any(len(level.cards.faces) for level in levels)
-    pictures: Pictures = {}
-    looks: dict[Season, SeasonLook] = {}
+    worn: dict[Season, NDArray[np.uint8] | None] = {}  # leaf atlases of the seasons that differ; None is bare
+    gone: dict[Season, dict[str, NDArray[np.int64]]] = {}
     for season in seasons_of(model):
         is_bare = season == "winter" and not model.evergreen
         rng = stage_rng(model.seed, "seasons", season)
         leaf = None
         if len(model.leaves) and not is_bare:
             leaf = season_atlas(model.atlas, season, evergreen=model.evergreen, rng=rng)
-        gone = {
+        gone[season] = {
             level_name(k): fallen(level.leaves, season, evergreen=model.evergreen, rng=rng)
             for k, level in enumerate(every)
             if len(level.leaves) and not is_bare
         }
-        made: Pictures = {}
         if season == "photo" or not _is_as_photographed(model, leaf):
-            made = draw_pictures(
-                model, levels, plan if wears_cards else None, box, leaf, pictures.get(CARDS), without_light
-            )
+            worn[season] = leaf
+    wears_cards = any(len(level.cards.faces) for level in levels)
+    drawn = draw_pictures(model, levels, plan if wears_cards else None, list(worn.values()), without_light)
+    made = dict(zip(worn, drawn, strict=True))
+    pictures: Pictures = {}
+    looks: dict[Season, SeasonLook] = {}
+    for season, fallen_leaves in gone.items():
         ending = "" if season == "photo" else f"_{season}"
-        pictures |= {name + ending: image for name, image in made.items()}
-        looks[season] = season_look(made, ending, gone, is_bare, without_light) if ending else SeasonLook()
+        own = made.get(season, {})
+        pictures |= {name + ending: image for name, image in own.items()}
+        is_bare = season == "winter" and not model.evergreen
+        looks[season] = season_look(own, ending, fallen_leaves, is_bare, without_light) if ending else SeasonLook()
     pictures.pop(LEAF, None)
     return pictures, looks
 
@@ -77,30 +80,30 @@ def draw_pictures(
     model: TreeModel,
     levels: Sequence[Level],
     plan: CardPlan | None,
-    box: Box,
-    leaf: NDArray[np.uint8] | None,
-    known: NDArray[np.uint8] | None,
+    worn: Sequence[NDArray[np.uint8] | None],
     without_light: bool,
-) -> Pictures:
-    """What a tree wears with a leaf atlas (H, W, 4), or bare; on cards where there is a plan of them.
+) -> list[Pictures]:
+    """What a tree wears with each of some leaf atlases (H, W, 4), or bare; on cards where there is a plan of them.
 
-    Cards `known` (H, W, 4) of the same leaves in other colours lend their alpha.
-
-    The sides of the box (2, 3) are drawn from the first coarser level, which is meant for their size.
+    The first one is the tree's own; cards of the same leaves in other colours share its cards' alpha. The sides of
+    the box around all levels are drawn from the first coarser one, which is meant for their size.
     """
     shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
-    made: Pictures = {}
-    alpha = None if known is None or leaf is None else _alpha(known)
-    if leaf is not None:
-        made[LEAF] = leaf
-    if plan is not None:
-        made[CARDS] = bake_cards(plan, model, leaf, alpha=alpha)
-    if without_light and leaf is not None:
-        made[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
+    box = union([level_box(level) for level in (full_level(model), *levels)])
+    made: list[Pictures] = []
+    for leaf in worn:
+        pictures: Pictures = {} if leaf is None else {LEAF: leaf}
         if plan is not None:
-            made[CARDS + DELIT] = bake_cards(plan, model, made[LEAF + DELIT], alpha=_alpha(made[CARDS]))
-    sides = side_cards(shown if leaf is not None else replace(shown, leaves=NO_LEAVES), box, leaf_rgba=leaf)
-    return made | {card_name(face): image for face, image in sides.items()}
+            alpha = None if leaf is None or not made else _alpha(made[0][CARDS])
+            pictures[CARDS] = bake_cards(plan, model, leaf, alpha=alpha)
+        if without_light and leaf is not None:
+            pictures[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
+            if plan is not None:
+                pictures[CARDS + DELIT] = bake_cards(plan, model, pictures[LEAF + DELIT], alpha=_alpha(pictures[CARDS]))
+        made.append(pictures)
+    for pictures, sides in zip(made, side_cards(shown, box, worn), strict=True):
+        pictures |= {card_name(face): image for face, image in sides.items()}
+    return made
 
 
 def _alpha(rgba: NDArray[np.uint8]) -> NDArray[np.float32]:

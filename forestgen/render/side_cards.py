@@ -8,6 +8,7 @@ full or none here: soft edges would show as leaves grown fat.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from forestgen.camera import Camera
 from forestgen.render.card_cutout import bled, cutout_alpha
 from forestgen.render.model_drawables import level_drawables
-from forestgen.render.studio import Studio
+from forestgen.render.raster import pictures
 from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 
@@ -33,16 +34,15 @@ FACES = {  # azimuth and elevation of a camera before the face, and quarters by 
 
 
 def side_cards(
-    model: TreeModel, box: ArrayLike, *, leaf_rgba: NDArray[np.uint8] | None = None, longest: int = LONGEST
-) -> dict[str, NDArray[np.uint8]]:
+    model: TreeModel, box: ArrayLike, atlases: Sequence[NDArray[np.uint8] | None], *, longest: int = LONGEST
+) -> list[dict[str, NDArray[np.uint8]]]:
     """Pictures (H, W, 4), sRGB and straight alpha, of a tree as seen before each face of a box (2, 3) m.
 
-    They lie as USD's card textures do, and reach from edge to edge of the face. `leaf_rgba` is the atlas in
-    another season's colours, the tree's own where it is None; a tree in winter is one with NO_LEAVES.
+    They lie as USD's card textures do, and reach from edge to edge of the face. One set for each of some leaf
+    atlases, which differ in their colours only; without leaves where that is None.
 
     Raises:
         ValueError: the box has no extent along some axis.
-        RenderError: there is no OpenGL to draw with.
     """
     low, high = np.asarray(box, float)
     extent = high - low
@@ -53,21 +53,26 @@ def side_cards(
     to_px[:3, 3] = -low * px / extent
     drawables = [
         replace(drawable, transforms=to_px @ drawable.transforms)
-        for drawable in level_drawables(
-            full_level(model), model.bark, model.atlas.rgba if leaf_rgba is None else leaf_rgba
-        )
+        for drawable in level_drawables(full_level(model), model.bark, model.atlas.rgba)
     ]
-    with Studio(drawables) as studio:
-        return {name: _picture(studio, px, *face) for name, face in FACES.items()}
+    sets: list[dict[str, NDArray[np.uint8]]] = [{} for _ in atlases]
+    for face, (azimuth, elevation, turn) in FACES.items():
+        drawn = pictures(drawables, _camera(px, azimuth, elevation), atlases)
+        for found, picture in zip(sets, drawn, strict=True):
+            found[face] = _cut_out(picture, turn)
+    return sets
 
 
-def _picture(studio: Studio, px: NDArray[np.float64], azimuth: float, elevation: float, turn: int) -> NDArray[np.uint8]:
-    """What a camera before one face of the box from the origin to `px` (3,) sees of all that is in it."""
+def _camera(px: NDArray[np.float64], azimuth: float, elevation: float) -> Camera:
+    """The camera before one face of the box from the origin to `px` (3,) that sees just that."""
     axes = np.round(Camera((1, 1), (0.0, 0.0), 1.0, azimuth, elevation).axes[:2])
     across, up = axes @ px
     width, height = round(abs(across)), round(abs(up))
-    root = (max(0.0, -across), height - max(0.0, -up))
-    picture = studio.colour(Camera((width, height), root, 1.0, azimuth, elevation))
+    return Camera((width, height), (max(0.0, -across), height - max(0.0, -up)), 1.0, azimuth, elevation)
+
+
+def _cut_out(picture: NDArray[np.float32], turn: int) -> NDArray[np.uint8]:
+    """A premultiplied picture as one that is cut out, turned by quarters."""
     coverage = np.ascontiguousarray(picture[..., 3])
     alpha = (cutout_alpha(coverage, coverage) >= 0.5).astype(np.float32)
     return np.ascontiguousarray(np.rot90(bled(picture, alpha), turn))

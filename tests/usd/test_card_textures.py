@@ -50,7 +50,7 @@ def box_of(model: TreeModel) -> np.ndarray:
 
 
 def pictures_of(model: TreeModel) -> dict[str, np.ndarray]:
-    return side_cards(model, box_of(model), longest=256)
+    return side_cards(model, box_of(model), [model.atlas.rgba], longest=256)[0]
 
 
 def seen(drawables: list[Drawable], face: str) -> np.ndarray:
@@ -99,7 +99,8 @@ def test_pictures_fill_their_faces_from_edge_to_edge():
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = np.array([f for a, b, c, d in quads for f in ([a, b, c], [a, c, d])])
     solid = Mesh(corner, np.tile([0.0, 0.0, 1.0], (8, 1)), corner[:, :2], faces)
-    pictures = side_cards(replace(model, mesh=solid), [corner.min(axis=0), corner.max(axis=0)], longest=64)
+    box = [corner.min(axis=0), corner.max(axis=0)]
+    pictures = side_cards(replace(model, mesh=solid), box, [None], longest=64)[0]
     sizes = {face: picture.shape[:2] for face, picture in pictures.items()}
     width, height, depth = 42, 64, 15
     assert sizes == {  # rows, columns
@@ -128,7 +129,7 @@ def test_a_bare_tree_and_one_leaf_have_cards_too():
 
 def test_a_flat_box_is_refused():
     with pytest.raises(ValueError, match="needs an extent along each axis"):
-        side_cards(forked_tree(0), [[0, 0, 0], [1, 0, 1]])
+        side_cards(forked_tree(0), [[0, 0, 0], [1, 0, 1]], [None])
 
 
 def with_cards(folder: Path, *, n_leaves: int = 60, longest: int = 64) -> Path:
@@ -138,7 +139,7 @@ def with_cards(folder: Path, *, n_leaves: int = 60, longest: int = 64) -> Path:
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetDefaultPrim()
     box = np.array(UsdGeom.ModelAPI(prim).GetExtentsHint())
-    for face, picture in side_cards(model, box, longest=longest).items():
+    for face, picture in side_cards(model, box, [model.atlas.rgba], longest=longest)[0].items():
         write_png(path.parent / "textures" / f"{card_name(face)}.png", picture)
     define_draw_mode(prim, {face: f"./textures/{card_name(face)}.png" for face in AXES}, [0.3, 0.5, 0.2])
     stage.Save()
