@@ -12,8 +12,8 @@ from forestgen.tree.mattes import Mattes
 from forestgen.tree.strokes import DensityStroke
 
 SHIFT = 4  # bits of OpenCV's fractions of a pixel
-RAGGED = 0.5  # of a brush's radius: how deep its edge is bitten, as foliage ends in tufts and no hedge is a pipe
-TUFTS = ((0.5, 0.6), (0.18, 0.4))  # (size as a share of the radius, weight) of those tufts
+RAGGED = 0.65  # of a brush's radius: how deep its edge is bitten, as foliage ends in tufts and no hedge is a pipe
+TUFTS = ((1.1, 0.4), (0.4, 0.35), (0.15, 0.25))  # (size as a share of the radius, weight) of those tufts
 
 
 def paint(mattes: Mattes, density: Sequence[DensityStroke], *, rng: np.random.Generator) -> Mattes:

@@ -15,10 +15,11 @@ from forestgen.tree.grow.leaf_masses import FINEST, Hull
 TIER = 1.3  # of a lobe's radius, from one tier to the next
 TIERS = (0.035, 0.07)  # of the height: the least and the greatest distance of tiers
 MANY = (4, 7)  # boughs of a tier, from 4 to 6
-AZIMUTHS = 24  # that are looked at for a bough; the emptiest in which the photo has room gets it
+AZIMUTHS = 72  # that are looked at for a bough; the emptiest in which the photo has room gets it
 ALONG = np.array([0.4, 0.7, 1.0])  # of a bough: places whose distance from the others counts
 SHORT = 0.03  # of the height: what is shorter is left to the twigs
 WHOLE = 0.5  # of a bough's length must fit into the picture's foliage
+OUTER, CLAD = 0.3, 0.5  # from so far out on, so much of it must bear foliage: none stands bare before the trunk
 STEEP = (-0.8, 1.5)  # rise over reach
 TOP = 0.5  # by how much boughs at the top rise more steeply than the middle ones, and those at the foot less
 WIDE = 0.3  # of a bough's reach: half-width of its spray at the foot; half as wide at the tip
@@ -129,7 +130,7 @@ def _bough(
     may_pass &= picture.spans(np.vstack([stem[foot], points[:-1]]), points)
     stop = len(t) if may_pass.all() else int(np.argmin(may_pass))
     ends = np.flatnonzero(may_end[:stop])
-    if not len(ends) or t[ends[-1]] < WHOLE:
+    if not len(ends) or t[ends[-1]] < WHOLE or may_end[: ends[-1] + 1][t[: ends[-1] + 1] > OUTER].mean() < CLAD:
         return None
     kept = slice(0, int(ends[-1]) + 1)
     wide = np.where(may_end & (t > 0.2), spray_width(t, reach, picture.height), 0.0)

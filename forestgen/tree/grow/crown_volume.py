@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.errors import StageError
+from forestgen.tree.closing import close, dilate
 from forestgen.tree.density_shape import is_one_sided
 from forestgen.tree.grow.leaf_masses import LeafMasses
 from forestgen.tree.grow.turned_outline import TurnedOutline, turn_outline
@@ -66,6 +67,15 @@ class CrownVolume:
             end &= seen & (leafy[row, column] | (wooden[row, column] & is_behind))
         return pass_, end
 
+    def hidden(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether wood may pass at points (N, 3), on a bare tree only where it is behind or before wood that shows."""
+        passes, _ = self.allows(points)
+        if not self.hides:
+            for camera, shown in zip(self.cameras, self.shown, strict=True):
+                column, row = np.floor(camera.project(points)).astype(np.int64).T
+                passes &= shown[np.clip(row, 0, shown.shape[0] - 1), np.clip(column, 0, shown.shape[1] - 1)]
+        return passes
+
     def into_masses(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (N, 3) moved along the first camera's rays to the nearest leaf mass."""
         if self.masses is None or not len(points):
@@ -103,21 +113,6 @@ class CrownVolume:
         cells = np.stack(np.meshgrid(*[np.arange(n) for n in count], indexing="ij"), axis=-1).reshape(-1, 3)
         points = self.low + (cells + rng.random(cells.shape)) * spacing
         return np.asarray(points[self.allows(points)[1]])
-
-
-def dilate(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """The mask (H, W) grown by a disc of any radius, px: by distances, as large discs are slow otherwise."""
-    if not mask.any():
-        return mask
-    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(away <= radius)
-
-
-def close(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """The mask (H, W) with gaps closed that a disc of the radius, px, does not fit in."""
-    room = int(np.ceil(radius)) + 1
-    grown = dilate(np.pad(mask, room), radius)
-    return ~dilate(~grown, radius)[room:-room, room:-room]
 
 
 def envelope(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:

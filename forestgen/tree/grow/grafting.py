@@ -10,7 +10,6 @@ import numpy as np
 from forestgen.tree.grow.axes import axes_of, stem_end
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
 from forestgen.tree.grow.densify import densify
-from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.grafting_units import (
     NODES,
     Grafts,
@@ -82,16 +81,16 @@ class Grafting(Strategy):
             stem = stem_end(visible, views[0])
             return self.grafted(visible, visible, stem, None, form, tall, rng=rng, on_step=on_step)
         volume = crown_volume(views)
-        if volume.turned is not None:
-            skeleton = drawn_in(skeleton, volume.cameras[0], volume.turned)
-        tree, volume, _ = crown_tree(skeleton, views[0], volume, has_leader=True, has_masses=self.leaf_masses, rng=rng)
+        tree, volume, crown = crown_tree(
+            skeleton, views[0], volume, has_leader=True, has_masses=self.leaf_masses, rng=rng
+        )
         inside = volume if self.inside_crown else None
         stem = int(tree.axes[0].nodes[-1])
         grown = self.grafted(tree.skeleton, tree.skeleton, stem, inside, form, volume.height, rng=rng, on_step=on_step)
         if not self.complete:
             return grown
         spacing = Spacing(interval=self.twig_interval, least=self.least_twigs, most=self.most_twigs)
-        return with_twigs(grown, tree, volume, spacing, rng=rng)
+        return with_twigs(grown, tree, volume, crown, spacing, rng=rng)
 
     def grafted(
         self,

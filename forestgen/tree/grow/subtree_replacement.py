@@ -11,7 +11,6 @@ import numpy as np
 from forestgen.tree.grow.attractors import Field, empty_field, image_attractors, picture_plane
 from forestgen.tree.grow.axes import stem_end
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
-from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.limbs import LimbRules, add_turned_joints, grow_limbs
 from forestgen.tree.grow.scores import PlacementRules, Scores
@@ -78,8 +77,6 @@ class SubtreeReplacement(Strategy):
             InputError: the user's library cannot be read.
         """
         volume = crown_volume(views, is_round=self.round_crown)
-        if volume.turned is not None:
-            skeleton = drawn_in(skeleton, volume.cameras[0], volume.turned)
         tree, volume, form = crown_tree(
             skeleton, views[0], volume, has_leader=self.leader, has_masses=self.leaf_masses, rng=rng
         )
@@ -96,7 +93,7 @@ class SubtreeReplacement(Strategy):
         if not self.twigs:
             return grown
         spacing = Spacing(interval=self.twig_interval, least=self.least_twigs, most=self.most_twigs)
-        return with_twigs(grown, tree, volume, spacing, rng=rng)
+        return with_twigs(grown, tree, volume, form, spacing, rng=rng)
 
     def _library(self, skeleton: Skeleton, stem: int, form: str) -> tuple[Subtree, ...]:
         """At most `n_subtrees`: the user's, those of the visible branches, and predefined ones of the tree's form."""

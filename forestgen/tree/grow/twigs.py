@@ -17,6 +17,7 @@ from forestgen.tree.grow import kernels
 from forestgen.tree.grow.aside import step_aside
 from forestgen.tree.grow.crown_volume import CrownVolume
 from forestgen.tree.grow.densify import densify
+from forestgen.tree.grow.rising import Boughs, rising
 from forestgen.tree.grow.sprays import grow_sprays
 from forestgen.tree.grow.uncovered import uncovered_places
 from forestgen.tree.skeleton import Skeleton, height_above_tips, main_child, n_children
@@ -39,6 +40,7 @@ NEAR_ENOUGH = 0.011  # of the height: foliage that has wood this near in the pic
 COARSE = 0.03  # of the height: foliage farther from wood in the picture gets a spray before the finer twigs
 FINE = 0.008  # and after them
 ROUNDING = 2  # times that each new node is drawn between its neighbours
+ELBOWS = 4  # likewise where shoots of several generations carry one bough on
 
 
 @dataclass(eq=False)
@@ -60,20 +62,24 @@ def grow_twigs(
     volume: CrownVolume,
     spacing: float,
     *,
+    boughs: Boughs | None = None,
     rng: np.random.Generator,
 ) -> Skeleton:
     """The tree with its last generations: a twig near each place in the crown, `spacing` metres apart.
 
     The first `n_fixed` nodes stay as they are (they are dense already); the nodes in `bare`, among
-    these, bear no twigs.
+    these, bear no twigs. `boughs`, where the depth is open, says how steeply they are to rise.
     """
     position, parent = skeleton.position, skeleton.parent
     for scale, crosses in SCALES:
         target = volume.sample(scale * spacing, rng)
         where = volume.crossing() if crosses else volume
         position, parent = _extended(position, parent, n_fixed, bare, where, target, scale * spacing, rng=rng)
+        if scale == SCALES[0][0] and boughs is not None:
+            position, parent = rising(position, parent, n_fixed, boughs, volume, rng=rng)
         if crosses:
             position, parent = grow_sprays(position, parent, bare, volume, COARSE * volume.height, rng=rng)
+    position = _rounded(position, parent, n_fixed, volume, ELBOWS)
     for camera, leafy in zip(volume.cameras, volume.leafy, strict=True):
         target = uncovered_places(camera, leafy, position, parent, NEAR_ENOUGH * volume.height)
         target = volume.into_masses(target)
@@ -103,8 +109,7 @@ def _extended(
     shoots = shoots_on(dense, bears)
     n_starts = len(dense)
     colonise(shoots, volume, target, spacing, rng=rng)
-    place = smooth(shoots.position, shoots.parent, n_starts, ROUNDING)
-    place = np.where(volume.allows(place)[0][:, None], place, shoots.position)
+    place = _rounded(shoots.position, shoots.parent, n_starts, volume, ROUNDING)
     stays = without_bare_ends(shoots.parent, n_fixed, volume.allows(place)[1])
     index, kept = np.cumsum(stays) - 1, shoots.parent[stays]
     return place[stays], np.where(kept < 0, -1, index[kept])
@@ -208,6 +213,15 @@ def shoots_on(tree: Skeleton, bears: NDArray[np.bool_]) -> Shoots:
     children = n_children(tree.parent)
     heading = _unit(step)
     return Shoots(tree.position, tree.parent, heading, heading.copy(), children, bears & (children <= SIDES))
+
+
+def _rounded(
+    position: NDArray[np.float64], parent: NDArray[np.int64], first: int, volume: CrownVolume, rounds: int
+) -> NDArray[np.float64]:
+    """Places (N, 3) smoothed from node `first` on, where wood may pass there and shows no more than before."""
+    place = smooth(position, parent, first, rounds)
+    may = volume.allows(place)[0] & (volume.hidden(place) | ~volume.hidden(position))
+    return np.where(may[:, None], place, position)
 
 
 def smooth(position: NDArray[np.float64], parent: NDArray[np.int64], first: int, rounds: int) -> NDArray[np.float64]:

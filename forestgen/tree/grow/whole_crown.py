@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.tree.closing import close
 from forestgen.tree.grow.axes import stem_end
 from forestgen.tree.grow.boughs import boughs_of, spray_width, steepness
-from forestgen.tree.grow.crown_volume import CLOSE, CROSS, CrownVolume, close
+from forestgen.tree.grow.crown_volume import CLOSE, CROSS, CrownVolume
 from forestgen.tree.grow.densify import densify
+from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growing_tree import GrowingTree
 from forestgen.tree.grow.growth_form import growth_form, is_tiered, leader
 from forestgen.tree.grow.leaf_masses import EVEN, Hull, LeafMasses, leaf_masses, lobe_sizes, tiers
+from forestgen.tree.grow.rising import Boughs
 from forestgen.tree.grow.turned_outline import TurnedOutline, as_deep_as_wide, turn_outline
 from forestgen.tree.grow.twigs import grow_twigs
 from forestgen.tree.skeleton import Skeleton
@@ -47,7 +50,10 @@ def crown_tree(
     A single stem gets the leader that carries it on, and the boughs that bear its masses.
     """
     visible, _ = densify(skeleton, VISIBLE_SPACING * volume.height)
-    tree = GrowingTree(visible, stem_end(visible, view))
+    stem = stem_end(visible, view)
+    if volume.turned is not None:
+        visible = drawn_in(visible, volume.cameras[0], volume.turned, stem)
+    tree = GrowingTree(visible, stem)
     outline = volume.turned or turn_outline(volume.leafy[0], volume.cameras[0], volume.height)
     form = growth_form(tree.line(0), outline)
     if form == "excurrent" and has_leader:
@@ -58,14 +64,17 @@ def crown_tree(
 
 
 def with_twigs(
-    grown: Skeleton, tree: GrowingTree, volume: CrownVolume, spacing: Spacing, *, rng: np.random.Generator
+    grown: Skeleton, tree: GrowingTree, volume: CrownVolume, form: str, spacing: Spacing, *, rng: np.random.Generator
 ) -> Skeleton:
     """The grown tree with twigs wherever its crown has no wood near; the visible lower trunk bears none."""
     trunk = tree.axes[0].nodes
     bare = trunk[(np.arange(len(trunk)) < BARE_TRUNK * len(trunk)) & (trunk < tree.n_visible)]
     finest, coarsest = (volume.spacing_for(count, rng) for count in (spacing.most, spacing.least))
     apart = float(np.clip(spacing.interval * volume.height, finest, coarsest))
-    return grow_twigs(grown, tree.n_visible, bare, volume, apart, rng=rng)
+    boughs = None
+    if volume.turned is not None and not is_tiered(form, volume.turned):
+        boughs = Boughs(trunk, steepness(tree.position, tree.axes, volume.cameras[0].axes[0], volume.height))
+    return grow_twigs(grown, tree.n_visible, bare, volume, apart, boughs=boughs, rng=rng)
 
 
 def masses_of(

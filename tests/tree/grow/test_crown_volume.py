@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from forestgen.errors import StageError
-from forestgen.tree.grow.crown_volume import close, crown_volume
+from forestgen.tree.grow.crown_volume import crown_volume
 from forestgen.tree.mattes import Mattes
 from tests.tree.grow.crowns import SIZE, ball_view, cone_view, trunk_matte, view_of
 
@@ -80,12 +80,3 @@ def test_a_view_without_a_crown_is_refused() -> None:
 
 def view_like(view, matte):
     return replace(view, mattes=Mattes(matte.astype(np.float32), matte.astype(np.float32)))
-
-
-def test_closing_fills_gaps_narrower_than_the_disc_and_no_others() -> None:
-    mask = np.ones((60, 60), bool)
-    mask[:, 20:25] = False
-    mask[:, 40:52] = False
-    closed = close(mask, 4)
-    assert closed[30, 20:25].all()
-    assert not closed[30, 42:50].any()

@@ -11,12 +11,10 @@ from forestgen.arrays import stage_rng
 from forestgen.tree.grow.axes import axes_of
 from forestgen.tree.grow.boughs import WIDEST, boughs_of, spray_width, steepness
 from forestgen.tree.grow.crown_volume import CrownVolume, crown_volume
-from forestgen.tree.grow.drawn_in import drawn_in
 from forestgen.tree.grow.growth_form import is_tiered
 from forestgen.tree.grow.leaf_masses import FINEST, Hull, apart, fill_cells, leaf_masses, lobe_sizes
 from forestgen.tree.grow.subtree_replacement import SubtreeReplacement
 from forestgen.tree.grow.turned_outline import DEEPEST, as_deep_as_wide
-from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 from tests.tree.grow.crowns import PX, SIZE, ball_view, cone_view, trunk_matte, two_limbs, view_of
 
@@ -121,21 +119,6 @@ def test_cells_of_one_ball() -> None:
     assert not inside[away > 0.54].any()
     skin = masses.in_front(np.array([[1.0, 2, 3.45], [1, 2, 3.2], [1, 2, 2], [1, 5, 3]]), 0.2)
     assert skin.tolist() == [True, False, False, False]
-
-
-def test_a_branch_outside_the_crown_is_drawn_in_and_stays_in_the_picture() -> None:
-    view = ball_view()
-    turned = crown_volume([view]).turned
-    assert turned is not None
-    position = two_limbs().position.copy()
-    position[10, 2] = 6.0  # far before the crown
-    far = Skeleton(position, two_limbs().parent, two_limbs().radius)
-    near = drawn_in(far, view.camera, turned)
-    assert_allclose(view.camera.project(near.position), view.camera.project(position), atol=1e-9)
-    assert 0 < near.position[10, 2] < 3.0
-    rest = np.arange(13) != 10
-    assert_allclose(near.position[rest], position[rest])
-    assert drawn_in(two_limbs(), view.camera, turned) is not None
 
 
 def test_boughs_are_longer_below_and_all_round() -> None:
