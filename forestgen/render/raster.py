@@ -17,18 +17,19 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.render.drawable import Drawable
-from forestgen.render.raster_kernels import cover, shade
+from forestgen.render.raster_kernels import cover, seen, shade
 
 Picture = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """F faces as a camera sees them."""
+    """P points and F faces as a camera sees them."""
 
-    first: int  # number of the first of them among all that are drawn
-    corner: NDArray[np.float32]  # (F, 3, 3) px right, px down, metres nearer
-    uv: NDArray[np.float32]  # (F, 3, 2)
+    first: int  # number of the first face among all that are drawn
+    points: NDArray[np.float32]  # (P, 3) px right, px down, metres nearer
+    uv: NDArray[np.float32]  # (P, 2)
+    faces: NDArray[np.int32]  # (F, 3)
 
 
 def pictures(
@@ -65,26 +66,20 @@ class _Canvas:
 
     def draw(self, drawables: Sequence[Drawable], texture: NDArray[np.uint8]) -> _Batch:
         """Draw all of them, cut out by one texture's alpha."""
-        corners, uvs, threshold = [np.zeros((0, 3, 3), np.float32)], [np.zeros((0, 3, 2), np.float32)], 0.5
-        for drawable in drawables:
-            seen = _seen(drawable, self.camera)
-            corners.append(seen[:, drawable.faces].reshape(-1, 3, 3))
-            uv = np.zeros((len(drawable.points), 2)) if drawable.uv is None else drawable.uv
-            uvs.append(np.tile(uv.astype(np.float32)[drawable.faces], (len(seen), 1, 1)))
-            threshold = drawable.alpha_threshold or 0.5
-        batch = _Batch(self.n_faces, np.concatenate(corners), np.concatenate(uvs))
+        batch = _batch(drawables, self.camera, self.n_faces)
+        threshold = 255 * max((d.alpha_threshold or 0.5 for d in drawables), default=0.5)
         alpha = np.ascontiguousarray(texture[..., 3])
         if alpha.min() == 255:
             alpha = alpha[:0]
-        cover(batch.corner, batch.uv, alpha, 255 * threshold, batch.first, self.depth, self.face)
-        self.n_faces += len(batch.corner)
+        cover(batch.points, batch.uv, batch.faces, alpha, threshold, batch.first, self.depth, self.face)
+        self.n_faces += len(batch.faces)
         return batch
 
     def coloured(self, batches: Sequence[tuple[_Batch, NDArray[np.uint8]]], onto: Picture | None = None) -> Picture:
         """The batches in their textures' colours, added to a picture of others."""
         picture = self.blank() if onto is None else onto
         for batch, texture in batches:
-            shade(self.face, batch.first, batch.corner, batch.uv, *_levels(texture), picture)
+            shade(self.face, batch.first, batch.points, batch.uv, batch.faces, *_levels(texture), picture)
         return picture
 
     def blank(self) -> Picture:
@@ -98,13 +93,21 @@ def _texture(drawable: Drawable) -> NDArray[np.uint8]:
     return drawable.texture
 
 
-def _seen(drawable: Drawable, camera: Camera) -> NDArray[np.float32]:
-    """Points (K, P, 3) of all places in px right, px down and metres nearer."""
-    to_camera = camera.axes * np.array([camera.px_per_metre, -camera.px_per_metre, 1.0])[:, None]
-    turn = to_camera @ drawable.transforms[:, :3, :3]
-    middle = drawable.transforms[:, :3, 3] @ to_camera.T + np.array([*camera.root_px, 0.0])
-    seen = drawable.points @ turn.swapaxes(1, 2) + middle[:, None]
-    return np.asarray(seen, np.float32)
+def _batch(drawables: Sequence[Drawable], camera: Camera, first: int) -> _Batch:
+    """All places of some drawables before a camera."""
+    to_camera = np.zeros((3, 4))
+    to_camera[:, :3] = camera.axes * np.array([camera.px_per_metre, -camera.px_per_metre, 1.0])[:, None]
+    to_camera[:2, 3] = camera.root_px
+    n = np.cumsum([0, *(len(d.points) * len(d.transforms) for d in drawables)])
+    points, uv = np.empty((n[-1], 3), np.float32), np.zeros((n[-1], 2), np.float32)
+    faces = [np.zeros((0, 3), np.int32)]
+    for drawable, start, end in zip(drawables, n[:-1], n[1:], strict=True):
+        seen(drawable.points, to_camera @ drawable.transforms, points[start:end])
+        if drawable.uv is not None:
+            uv[start:end] = np.tile(drawable.uv.astype(np.float32), (len(drawable.transforms), 1))
+        place = start + np.arange(len(drawable.transforms)) * len(drawable.points)
+        faces.append((drawable.faces + place[:, None, None]).reshape(-1, 3).astype(np.int32))
+    return _Batch(first, points, uv, np.concatenate(faces))
 
 
 def _levels(texture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:

@@ -19,25 +19,48 @@ FIRST, LAST = 0.125, 0.875
 
 
 @nb.njit(cache=True, nogil=True)
-def cover(corner: Array, uv: Array, alpha: Array, threshold: float, first: int, depth: Array, face: Array) -> None:
-    """Draw faces (F, 3, 3) (px right, px down, nearness) onto samples: `depth` and `face` (H, W, 4), in place.
+def seen(points: Array, places: Array, out: Array) -> None:
+    """Points (P, 3) at places (K, 3, 4), one after the other: into `out` (K * P, 3)."""
+    for k in range(len(places)):
+        for p in range(len(points)):
+            x, y, z = points[p, 0], points[p, 1], points[p, 2]
+            for i in range(3):
+                out[k * len(points) + p, i] = (
+                    places[k, i, 0] * x + places[k, i, 1] * y + places[k, i, 2] * z + places[k, i, 3]
+                )
 
-    A sample takes a face that is nearer than what it shows, where the texture's alpha (h, w), interpolated at the
-    face's uv (F, 3, 2), reaches the threshold; no texels count as opaque. Faces are numbered from `first` on.
+
+@nb.njit(cache=True, nogil=True)
+def cover(
+    points: Array,
+    uv: Array,
+    faces: Array,
+    alpha: Array,
+    threshold: float,
+    first: int,
+    depth: Array,
+    face: Array,
+) -> None:
+    """Draw faces (F, 3) of points (P, 3), px right, px down and nearness, onto samples (H, W, 4), in place.
+
+    A sample takes a face, and its depth, that is nearer than what it shows, where the texture's alpha (h, w),
+    interpolated at the points' uv (P, 2), reaches the threshold; no texels count as opaque. Faces are numbered from
+    `first` on.
     """
     height, width = depth.shape[:2]
-    for f in range(len(corner)):
-        x0, y0, z0 = corner[f, 0, 0], corner[f, 0, 1], corner[f, 0, 2]
-        ax, ay, az = corner[f, 1, 0] - x0, corner[f, 1, 1] - y0, corner[f, 1, 2] - z0
-        bx, by, bz = corner[f, 2, 0] - x0, corner[f, 2, 1] - y0, corner[f, 2, 2] - z0
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        x0, y0, z0 = points[i, 0], points[i, 1], points[i, 2]
+        ax, ay, az = points[j, 0] - x0, points[j, 1] - y0, points[j, 2] - z0
+        bx, by, bz = points[k, 0] - x0, points[k, 1] - y0, points[k, 2] - z0
         area = ax * by - bx * ay
         left, right = max(0, int(np.floor(x0 + min(0.0, ax, bx) - LAST))), x0 + max(0.0, ax, bx) - FIRST
         top, bottom = max(0, int(np.floor(y0 + min(0.0, ay, by) - LAST))), y0 + max(0.0, ay, by) - FIRST
         if area == 0.0 or right < left or bottom < top or left >= width or top >= height:
             continue
         one = 1.0 / area
-        u0, v0 = uv[f, 0, 0], uv[f, 0, 1]
-        au, av, bu, bv = uv[f, 1, 0] - u0, uv[f, 1, 1] - v0, uv[f, 2, 0] - u0, uv[f, 2, 1] - v0
+        u0, v0 = uv[i, 0], uv[i, 1]
+        au, av, bu, bv = uv[j, 0] - u0, uv[j, 1] - v0, uv[k, 0] - u0, uv[k, 1] - v0
         for row in range(top, min(height, int(bottom) + 1)):
             for column in range(left, min(width, int(right) + 1)):
                 for s in range(4):
@@ -77,9 +100,17 @@ def interpolated(image: Array, u: float, v: float) -> Any:
 
 @nb.njit(cache=True, nogil=True)
 def shade(
-    face: Array, first: int, corner: Array, uv: Array, texel: Array, start: Array, size: Array, picture: Array
+    face: Array,
+    first: int,
+    points: Array,
+    uv: Array,
+    faces: Array,
+    texel: Array,
+    start: Array,
+    size: Array,
+    picture: Array,
 ) -> None:
-    """Add the colours of faces (F, 3, 3), numbered from `first` on, to a premultiplied picture (H, W, 4), in place.
+    """Add the colours of faces (F, 3), numbered from `first` on, to a premultiplied picture (H, W, 4), in place.
 
     A face is looked up once a pixel, in the middle of the samples (H, W, 4) that show it, between the two of its
     texture's K levels whose texels are nearest to a pixel's size: `texel` (N, 3), where each level starts (K,), its
@@ -91,30 +122,31 @@ def shade(
             done = 0
             for s in range(4):
                 f = face[row, column, s] - first
-                if f < 0 or f >= len(corner) or (done >> s) & 1:
+                if f < 0 or f >= len(faces) or (done >> s) & 1:
                     continue
                 n, x, y = 0, 0.0, 0.0
                 for t in range(s, 4):
                     if face[row, column, t] == f + first:
                         done |= 1 << t
                         n, x, y = n + 1, x + ACROSS[t], y + DOWN[t]
-                x, y = column + x / n - corner[f, 0, 0], row + y / n - corner[f, 0, 1]
-                ax, ay = corner[f, 1, 0] - corner[f, 0, 0], corner[f, 1, 1] - corner[f, 0, 1]
-                bx, by = corner[f, 2, 0] - corner[f, 0, 0], corner[f, 2, 1] - corner[f, 0, 1]
+                i, j, k = faces[f]
+                x, y = column + x / n - points[i, 0], row + y / n - points[i, 1]
+                ax, ay = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                bx, by = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
                 one = 1.0 / (ax * by - bx * ay)
-                u0, v0 = uv[f, 0, 0], uv[f, 0, 1]
-                au, av, bu, bv = uv[f, 1, 0] - u0, uv[f, 1, 1] - v0, uv[f, 2, 0] - u0, uv[f, 2, 1] - v0
+                u0, v0 = uv[i, 0], uv[i, 1]
+                au, av, bu, bv = uv[j, 0] - u0, uv[j, 1] - v0, uv[k, 0] - u0, uv[k, 1] - v0
                 a, b = (x * by - bx * y) * one, (ax * y - x * ay) * one
                 u, v = u0 + a * au + b * bu, v0 + a * av + b * bv
                 right = ((au * by - bu * ay) * one * size[0, 1]) ** 2 + ((av * by - bv * ay) * one * size[0, 0]) ** 2
                 down = ((bu * ax - au * bx) * one * size[0, 1]) ** 2 + ((bv * ax - av * bx) * one * size[0, 0]) ** 2
                 level = min(max(0.5 * np.log2(max(right, down, 1.0)), 0.0), len(start) - 1.0)
                 finer = int(level)
-                for k in range(2):
-                    weight = (level - finer if k else 1.0 - (level - finer)) * n / (4 * 255.0)
+                for coarser in range(2):
+                    weight = (level - finer if coarser else 1.0 - (level - finer)) * n / (4 * 255.0)
                     if weight > 0.0:
-                        h, w = size[finer + k]
-                        _add(texel, start[finer + k], h, w, u, v, weight, picture[row, column])
+                        h, w = size[finer + coarser]
+                        _add(texel, start[finer + coarser], h, w, u, v, weight, picture[row, column])
                 picture[row, column, 3] += n / 4
 
 

@@ -117,7 +117,7 @@ def test_the_compiled_loops_give_what_plain_ones_give(monkeypatch):
     fast = pictures(of_tree(model), camera, [model.atlas.rgba, None])
     for name in ("interpolated", "_add"):
         monkeypatch.setattr(raster_kernels, name, getattr(raster_kernels, name).py_func)
-    for name in ("cover", "shade"):
+    for name in ("seen", "cover", "shade"):
         monkeypatch.setattr(f"forestgen.render.raster.{name}", getattr(raster_kernels, name).py_func)
     for one, other in zip(fast, pictures(of_tree(model), camera, [model.atlas.rgba, None]), strict=True):
         assert_allclose(one, other, atol=1e-5)
