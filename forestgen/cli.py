@@ -198,6 +198,7 @@ def export(
     level: Annotated[int | None, typer.Option(help="Level of detail where one is held; 0 is finest.")] = None,
     max_triangles: Annotated[int | None, typer.Option(help="Most triangles of the finest level.")] = None,
     max_instances: Annotated[int | None, typer.Option(help="Most leaves of the finest level.")] = None,
+    season: Annotated[str | None, typer.Option(help="photo, summer, autumn or winter, where one is held.")] = None,
     variant: Annotated[
         list[str] | None, typer.Option(help="SET=VARIANT to select first, such as season=autumn; may be repeated.")
     ] = None,
@@ -209,7 +210,7 @@ def export(
     """Make a written tree or scene over for one kind of reader."""
     from forestgen.exporting import Wishes, export, parse_variants
 
-    wishes = Wishes(level, max_triangles, max_instances, parse_variants(variant or []), instancing, rig)
+    wishes = Wishes(level, max_triangles, max_instances, season, parse_variants(variant or []), instancing, rig)
     files = export(source, out, profile, wishes)
     if as_json:
         print(json.dumps([str(file) for file in files], indent=1))

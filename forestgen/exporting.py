@@ -26,13 +26,15 @@ from forestgen.reference import write_provenance
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.lod import fit_level
 from forestgen.tree.model import TreeModel
+from forestgen.tree.seasons import SEASONS
 from forestgen.usd.lights import LIGHT_SET
 from forestgen.usd.looks import LOOK_SET
 from forestgen.usd.profiles import FLAT, find_root, is_tree, write_profile
 from forestgen.usd.profiles import PROFILES as USD_PROFILES
 from forestgen.usd.read_forest import read_forest
-from forestgen.usd.read_model import read_card_atlas, read_levels, read_model
+from forestgen.usd.read_model import read_card_atlas, read_levels, read_model, read_seasons
 from forestgen.usd.rig import write_rig
+from forestgen.usd.seasons import SEASON_SET
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.variants import variant_sets
 
@@ -46,6 +48,7 @@ class Wishes:
     level: int | None = None  # the level of detail, where the profile holds one
     max_triangles: int | None = None  # of the finest level, leaves counted out
     max_instances: int | None = None  # leaves of the finest level
+    season: str | None = None  # as photographed unless one is named; a tree of a scene may lack it
     variants: Mapping[str, str] = field(default_factory=dict)  # variant set -> variant
     instancing: bool = True  # of glb: leaves as instances
     rig: bool = False  # a skinned tree beside the profile's file
@@ -65,6 +68,8 @@ def export(source: Path, target: Path, profile: str, wishes: Wishes | None = Non
     """
     wishes = wishes or Wishes()
     _check(profile, wishes)
+    if wishes.season is not None and profile in USD_PROFILES:
+        wishes = replace(wishes, season=None, variants={**wishes.variants, SEASON_SET: wishes.season})
     root = find_root(Path(source).resolve())
     if wishes.rig and not is_tree(root):
         raise InputError(f"{source}: --rig skins one tree; give its folder, OUT/trees/NAME")
@@ -97,7 +102,12 @@ def _check(profile: str, wishes: Wishes) -> None:
     for name, budget in (("--max-triangles", wishes.max_triangles), ("--max-instances", wishes.max_instances)):
         if budget is not None and budget < 0:
             raise InputError(f"{name}: expected 0 or more, came {budget}")
+    if wishes.season is not None and wishes.season not in SEASONS:
+        raise InputError(f"--season: expected one of {', '.join(SEASONS)}, came {wishes.season!r}")
+    if wishes.season is not None and SEASON_SET in wishes.variants:
+        raise InputError(f"--season: --variant {SEASON_SET}={wishes.variants[SEASON_SET]} says it too; leave one out")
     refused = {
+        "--season": wishes.season is not None and profile == "usd",  # which keeps all variants
         "--variant": bool(wishes.variants) and profile in ("glb", "obj"),
         "--no-instancing": not wishes.instancing and profile != "glb",
         "--rig": wishes.rig and profile != "usd",
@@ -146,7 +156,7 @@ def _refit(folder: Path, target: Path, wishes: Wishes) -> None:
 
 def _within(folder: Path, wishes: Wishes) -> tuple[TreeModel, tuple[Level, ...]]:
     """A tree and its levels, the finest within the budgets and from the level that is wished on."""
-    model, levels = read_model(folder), read_levels(folder)
+    model, levels = read_model(folder, wishes.season), read_levels(folder, wishes.season)
     if wishes.has_budget:
         model, finest = _fitted(model, wishes)
         levels = (finest, *coarsening(model, levels[1:]))
@@ -172,13 +182,20 @@ def _glb(root: Path, target: Path, wishes: Wishes) -> Path:
         tree = _subject(root.parent, wishes)
         return write_glb(tree.model, tree.levels, path, card_rgba=tree.card_rgba, instancing=wishes.instancing)
     forest = read_forest(root)
-    trees = {name: _subject(root.parent / "trees" / name, wishes) for name in forest.prototypes}
+    folders = {name: root.parent / "trees" / name for name in forest.prototypes}
+    wear = [name for name, folder in folders.items() if wishes.season in read_seasons(folder)] if wishes.season else []
+    if wishes.season and not wear:
+        raise InputError(f"--season: no tree of {root} has {wishes.season!r}; build it again where trees get seasons")
+    trees = {
+        name: _subject(folder, wishes if name in wear else replace(wishes, season=None))
+        for name, folder in folders.items()
+    }
     return write_scene_glb(trees, forest, path, instancing=wishes.instancing)
 
 
 def _subject(folder: Path, wishes: Wishes) -> Subject:
     model, levels = _within(folder, wishes)
-    return Subject(model, levels, read_card_atlas(folder))
+    return Subject(model, levels, read_card_atlas(folder, wishes.season))
 
 
 def _obj(root: Path, target: Path, wishes: Wishes) -> Path:

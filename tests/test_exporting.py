@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from forestgen.errors import InputError
 from forestgen.exporting import PROFILES, Wishes, export, parse_variants
@@ -16,12 +17,13 @@ from forestgen.usd.cameras import write_cameras
 from forestgen.usd.forest_scene import write_forest
 from forestgen.usd.read import read_drawables
 from forestgen.usd.read_forest import read_forest
-from forestgen.usd.read_model import read_levels
+from forestgen.usd.read_model import read_card_atlas, read_levels, read_model, read_seasons
 from forestgen.usd.tree_asset import write_tree_asset
 from forestgen.usd.validate import validate_file
 from forestgen.usd.variants import variant_sets
 from tests.small_scene import digests
 from tests.usd.conftest import FOREST
+from tests.usd.dressed_tree import BROWN, FALLEN, write_dressed
 from tests.usd.models import tree_model
 from tests.usd.test_levels import extras
 
@@ -114,6 +116,51 @@ def test_a_rig_comes_beside_the_asset(out: Path, tmp_path: Path) -> None:
     assert validate_file(rig) == []
 
 
+@pytest.fixture(scope="module")
+def dressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a tree with seasons; in autumn it loses three leaves, in winter all."""
+    folder = tmp_path_factory.mktemp("seasons") / "trees" / "oak"
+    write_dressed(folder.parent)
+    write_provenance(tree_model(), folder / "reference")
+    return folder
+
+
+def test_a_season_is_read_back_with_its_leaves_and_pictures(dressed: Path) -> None:
+    photo, autumn, winter = (read_model(dressed, season) for season in ("photo", "autumn", "winter"))
+    kept = np.setdiff1d(np.arange(50), FALLEN["LOD0"])
+    assert_allclose(autumn.leaves.position, photo.leaves.position[kept])
+    assert_array_equal(autumn.atlas.rgba[..., :3], np.broadcast_to(BROWN, (32, 48, 3)))
+    assert not len(winter.leaves)
+    assert_array_equal(read_card_atlas(dressed, "winter")[0, 0], (*BROWN, 255))
+    assert [len(level.leaves) for level in read_levels(dressed, "autumn")] == [47, 15, 0]
+    assert [len(level.leaves) for level in read_levels(dressed, "winter")] == [0, 0, 0]
+    assert set(read_seasons(dressed)) == {"photo", "autumn", "winter"}
+
+
+@pytest.mark.parametrize("profile", [name for name in PROFILES if name != "usd"])
+def test_each_profile_takes_a_season(dressed: Path, tmp_path: Path, profile: str) -> None:
+    made = {}
+    for season in (None, "photo", "autumn", "winter"):
+        (file,) = export(dressed, tmp_path / str(season), profile, Wishes(season=season))
+        made[season] = digests(tmp_path / str(season))
+        if file.suffix.startswith(".usd"):
+            assert validate_file(file) == []
+    assert made[None] == made["photo"]
+    assert made["photo"] != made["autumn"] != made["winter"] != made["photo"]
+
+
+def test_the_season_of_a_scene_is_that_of_the_trees_that_have_it(dressed: Path, out: Path, tmp_path: Path) -> None:
+    source = tmp_path / "out"
+    shutil.copytree(out, source)
+    with pytest.raises(InputError, match=r"--season: no tree of .* has 'autumn'"):
+        export(source, tmp_path / "made", "glb", Wishes(season="autumn"))
+    shutil.rmtree(source / "trees" / "oak")
+    shutil.copytree(dressed, source / "trees" / "oak")
+    (autumn,) = export(source, tmp_path / "autumn", "glb", Wishes(season="autumn"))
+    (photo,) = export(source, tmp_path / "photo", "glb")
+    assert autumn.stat().st_size < photo.stat().st_size  # fallen leaves, and plainer pictures
+
+
 @pytest.mark.parametrize(
     ("profile", "wishes", "says"),
     [
@@ -125,6 +172,12 @@ def test_a_rig_comes_beside_the_asset(out: Path, tmp_path: Path) -> None:
         ("blender", Wishes(level=7), "7"),
         ("usd", Wishes(max_triangles=-1), "--max-triangles: expected 0 or more"),
         ("blender", Wishes(variants={"moss": "much"}), "moss"),
+        ("glb", Wishes(season="spring"), "--season: expected one of photo, summer, autumn, winter, came"),
+        ("glb", Wishes(season="autumn"), "has no 'autumn'; it has none"),
+        ("obj", Wishes(season="winter"), "has no 'winter'; it has none"),
+        ("web", Wishes(season="autumn"), "there is no variant set 'season'"),
+        ("web", Wishes(season="autumn", variants={"season": "winter"}), "--variant season=winter says it too"),
+        ("usd", Wishes(season="autumn"), "--season: profile 'usd' has no use for it"),
     ],
 )
 def test_what_cannot_be_granted_is_said_before_anything_is_written(

@@ -23,7 +23,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 from forestgen.usd.component import define_component, take_materials
 from forestgen.usd.composed import Composed, Part
 from forestgen.usd.flatten import joined
-from forestgen.usd.geometry import Box, bind, define_mesh, vec3f
+from forestgen.usd.geometry import Box, bind, define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, save
 from forestgen.usd.variants import LOD_SET, level_name
 
@@ -58,7 +58,7 @@ def write_unreal(tree: Path, folder: Path, variants: Mapping[str, str]) -> Path:
         shutil.copyfile(picture, folder / name)
     for name, layer in layers.items():
         save(layer, folder / f"{name}.usdc")
-    return save(_root(composed, names, boxes[0], tree.name), folder / tree.name)
+    return save(_root(composed, names, union(boxes), tree.name), folder / tree.name)
 
 
 def _define(stage: Usd.Stage, path: Sdf.Path, parts: Sequence[Part], mtl: Sdf.Path) -> Box:

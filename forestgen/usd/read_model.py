@@ -1,6 +1,7 @@
 """A written tree, read back as a model and its levels of detail: what exports start from.
 
-Only what this program wrote is read: the numbers are those stored, as float64. Views are not read.
+Only what this program wrote is read: the numbers are those stored, as float64. Views are not read. A tree has a
+season: `photo` unless another is asked for; leaves that have fallen by then are not read either.
 """
 
 from __future__ import annotations
@@ -18,21 +19,24 @@ from forestgen.reference import read_provenance
 from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, SCREEN_PX, Level
 from forestgen.tree.model import Atlas, Bark, LeafPrototype, Leaves, Mesh, TreeModel
 from forestgen.usd.layers import open_stage
+from forestgen.usd.lights import TEXTURE
 from forestgen.usd.polygons import read_triangles
+from forestgen.usd.seasons import SEASON_SET
 from forestgen.usd.surface import Surface, surface_of
 from forestgen.usd.variants import ALL, LOD_SET, SIZES, level_name
 
 CARDS = "leaf_cards"
 
 
-def read_model(folder: Path) -> TreeModel:
+def read_model(folder: Path, season: str | None = None) -> TreeModel:
     """The tree in a folder OUT/trees/NAME as written, without its views.
 
     Raises:
-        InputError: the folder is no tree that a build wrote, or a file of it is missing or broken.
+        InputError: the folder is no tree that a build wrote, a file of it is missing or broken, or it has no
+            such season.
     """
     folder = Path(folder)
-    stage, root = _open_tree(folder)
+    stage, root = _open_tree(folder, season)
     kept = read_provenance(folder / "reference")
     level = _level(stage, root, 0, math.inf)
     bark = surface_of(_at(stage, root, "geo/LOD0/branches"), {})
@@ -55,41 +59,49 @@ def read_model(folder: Path) -> TreeModel:
     )
 
 
-def read_levels(folder: Path) -> tuple[Level, ...]:
+def read_seasons(folder: Path) -> tuple[str, ...]:
+    """The seasons of the tree in a folder OUT/trees/NAME; none where it was built without.
+
+    Raises:
+        InputError: as `read_model`.
+    """
+    _, root = _open_tree(Path(folder), None)
+    return tuple(root.GetVariantSet(SEASON_SET).GetVariantNames())
+
+
+def read_levels(folder: Path, season: str | None = None) -> tuple[Level, ...]:
     """All levels of detail of the tree in a folder OUT/trees/NAME, the full one first.
 
     Raises:
         InputError: as `read_model`.
     """
-    stage, root = _open_tree(Path(folder))
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
-        choice = root.GetVariantSet(LOD_SET)
-        if ALL in choice.GetVariantNames():
-            choice.SetVariantSelection(ALL)
+    stage, root = _open_tree(Path(folder), season)
+    if ALL in root.GetVariantSet(LOD_SET).GetVariantNames():
+        _select(stage, root, LOD_SET, ALL)
     heuristic = stage.GetPrimAtPath(root.GetPath().AppendChild(SIZES))
     shares = list(heuristic.GetAttribute("thresholds").Get()) if heuristic else []
     sizes = [math.inf, *(SCREEN_PX * float(share) for share in shares)]
     return tuple(_level(stage, root, k, size) for k, size in enumerate(sizes))
 
 
-def read_card_atlas(folder: Path) -> NDArray[np.uint8] | None:
+def read_card_atlas(folder: Path, season: str | None = None) -> NDArray[np.uint8] | None:
     """The card atlas (H, W, 4) of the tree in a folder OUT/trees/NAME; None where it has no cards.
 
     Raises:
         InputError: as `read_model`.
     """
-    stage, root = _open_tree(Path(folder))
-    material = UsdShade.Material(stage.GetPrimAtPath(root.GetPath().AppendPath(f"mtl/{CARDS}")))
-    if not material:
+    stage, root = _open_tree(Path(folder), season)
+    texture = UsdShade.Shader(_at(stage, root, f"mtl/{CARDS}/{TEXTURE}"))
+    if not texture:
         return None
-    path = Path(folder) / "textures" / "leaf_cards.png"
+    path = Path(folder) / texture.GetInput("file").Get().path
     image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED) if path.is_file() else None
     if image is None or image.ndim != 3 or image.shape[2] != 4:
         raise InputError(f"{path}: expected the cards' picture, a PNG with alpha: build the tree again")
     return np.asarray(image[..., [2, 1, 0, 3]], np.uint8)
 
 
-def _open_tree(folder: Path) -> tuple[Usd.Stage, Usd.Prim]:
+def _open_tree(folder: Path, season: str | None) -> tuple[Usd.Stage, Usd.Prim]:
     name = folder.resolve().name
     path = folder / f"{name}.usda"
     if not path.is_file():
@@ -98,7 +110,18 @@ def _open_tree(folder: Path) -> tuple[Usd.Stage, Usd.Prim]:
     root = stage.GetDefaultPrim()
     if not root or not _at(stage, root, "geo/LOD0/branches"):
         raise InputError(f"{path}: has no geo/LOD0/branches; expected a tree that was built: build it again")
+    if season is not None:
+        known = root.GetVariantSet(SEASON_SET).GetVariantNames()
+        if season not in known:
+            raise InputError(f"--season: {folder} has no {season!r}; it has {', '.join(known) or 'none'}")
+        _select(stage, root, SEASON_SET, season)
     return stage, root
+
+
+def _select(stage: Usd.Stage, root: Usd.Prim, name: str, variant: str) -> None:
+    """Select a variant for as long as the stage is open."""
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        root.GetVariantSet(name).SetVariantSelection(variant)
 
 
 def _at(stage: Usd.Stage, root: Usd.Prim, where: str) -> Usd.Prim:
@@ -123,7 +146,7 @@ def _mesh(prim: Usd.Prim) -> Mesh:
 
 
 def _leaves(prim: Usd.Prim) -> tuple[Leaves, tuple[LeafPrototype, ...]]:
-    if not prim:
+    if not (prim and prim.IsActive()):
         return NO_LEAVES, ()
     instancer = UsdGeom.PointInstancer(prim)
     targets = instancer.GetPrototypesRel().GetForwardedTargets()
@@ -138,14 +161,15 @@ def _leaves(prim: Usd.Prim) -> tuple[Leaves, tuple[LeafPrototype, ...]]:
         size=np.array(instancer.GetScalesAttr().Get(), float)[:, 0],
         prototype=np.array(instancer.GetProtoIndicesAttr().Get(), np.int64),
     )
-    return leaves, prototypes
+    fallen = np.array(instancer.GetInvisibleIdsAttr().Get() or [], np.int64)
+    return leaves.take(np.setdiff1d(np.arange(len(leaves)), fallen)), prototypes
 
 
 def _leaf_surface(stage: Usd.Stage, root: Usd.Prim) -> Surface | None:
-    leaves = UsdGeom.PointInstancer(_at(stage, root, "geo/LOD0/leaves"))
-    if not leaves:
+    prim = _at(stage, root, "geo/LOD0/leaves")
+    if not (prim and prim.IsActive()):
         return None
-    first = leaves.GetPrototypesRel().GetForwardedTargets()[0]
+    first = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets()[0]
     return surface_of(stage.GetPrimAtPath(first), {})
 
 
