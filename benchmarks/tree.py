@@ -21,6 +21,8 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import Any
 
+from forestgen.blas import on_one_thread
+
 SCENES = Path(__file__).parents[1] / "scenes"
 BUDGET_S, BUDGET_GB = 10.0, 1.5  # photo and strokes to written USD; peak memory: DESIGN, section 7
 PARTS = ("imports", "read", "segment", "trace", "grow", "bark", "mesh", "atlas", "leaves", "write", "levels")
@@ -29,6 +31,7 @@ PARTS = ("imports", "read", "segment", "trace", "grow", "bark", "mesh", "atlas",
 def build_one(manifest: Path, index: int, is_checked: bool) -> dict[str, Any]:
     """Build and write one tree of a scene in this process; seconds and memory of it."""
     start, start_cpu = perf_counter(), process_time()
+    on_one_thread()
     from forestgen import pipeline
     from forestgen.finishing import finish
     from forestgen.scene.manifest import load_scene

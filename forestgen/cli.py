@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from forestgen.blas import on_one_thread
 from forestgen.complaints import in_words
 from forestgen.errors import ForestgenError, RenderError, StageError
 from forestgen.interrupts import raise_on_signals
@@ -255,6 +256,7 @@ def doctor() -> None:
 def main() -> NoReturn:
     """Run a command; every known failure is one line on stderr and an exit code."""
     raise_on_signals()
+    on_one_thread()
     for stream in (sys.stdout, sys.stderr):  # names may hold what the terminal's encoding does not
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -18,6 +18,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any, TypeVar
 
+from forestgen.blas import on_one_thread
 from forestgen.errors import StageError
 from forestgen.interrupts import uninterrupted
 
@@ -142,6 +143,7 @@ def _cause(code: int) -> str:
 
 def serve(handle: int, level: int) -> None:
     """Do jobs as they come through the pipe, until its other end is closed. A worker's whole life."""
+    on_one_thread()
     logging.basicConfig(format="%(name)s: %(message)s")
     logging.getLogger("forestgen").setLevel(level)
     connection = Connection(handle)

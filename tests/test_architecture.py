@@ -17,6 +17,7 @@ LAYERS = [
     "reading",
     "png",
     "interrupts",
+    "blas",
     "staging",
     "camera",
     "tree",

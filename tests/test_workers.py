@@ -181,3 +181,14 @@ def test_workers_end_with_their_parent():
     assert workers
     _, alive = psutil.wait_procs(workers, timeout=10)
     assert not alive
+
+
+def blas_threads(job: int, on_stage) -> str | None:
+    return os.environ.get("OPENBLAS_NUM_THREADS")
+
+
+def test_workers_keep_blas_on_one_thread_unless_the_user_says_otherwise(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    assert run_parallel(blas_threads, [1, 2], 2) == ["1", "1"]
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    assert run_parallel(blas_threads, [1, 2], 2) == ["2", "2"]
