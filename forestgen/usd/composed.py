@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
@@ -25,7 +26,12 @@ class Part:
     owner: Sdf.Path  # the component's prim
     name: str  # what the mesh is to be called
     material: Sdf.Path  # in the stage
-    mesh: Mesh
+    drawables: tuple[Drawable, ...]  # what it is made of
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The drawables flattened, one after the other."""
+        return joined([flattened(one) for one in self.drawables])
 
 
 class Composed:
@@ -122,7 +128,7 @@ class Composed:
             groups.setdefault((self._component(bound), material.GetPath()), []).append(drawable)
         names = _unique([component.name for component, _ in groups], [component for component, _ in groups])
         return [
-            Part(name, owner, _mesh_name(material), material, joined([flattened(one) for one in group]))
+            Part(name, owner, _mesh_name(material), material, tuple(group))
             for name, ((owner, material), group) in zip(names, groups.items(), strict=True)
         ]
 

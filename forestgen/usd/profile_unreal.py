@@ -1,7 +1,7 @@
 """Profile unreal: the variant set LOD on a tree's root, each variant with one mesh of its own name.
 
     <name>.usda         /<name> Xform, kind component; variants LOD0 ... with payloads LOD0.usdc ...
-    LOD0.usdc ...       /<name>/LOD0 Mesh: wood and leaves in one, a GeomSubset for each material
+    LOD0.usdc ...       /<name>/LOD0 Mesh: wood and leaves in one, a GeomSubset for each material, wind data a point
     materials.usdc      /<name>/mtl
     textures/           the pictures
 
@@ -20,8 +20,10 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from forestgen.tree.model import Mesh
 from forestgen.usd.component import define_component, take_materials
 from forestgen.usd.composed import Composed, Part
+from forestgen.usd.flat_wind import author_flat_wind
 from forestgen.usd.flatten import joined
 from forestgen.usd.geometry import Box, bind, define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, save
@@ -47,7 +49,10 @@ def write_unreal(tree: Path, folder: Path, variants: Mapping[str, str]) -> Path:
         materials |= {part.material for part in parts}
         level = new_stage(composed.name)
         UsdGeom.Xform.Define(level, path)
-        boxes.append(_define(level, path.AppendChild(name), parts, path.AppendChild("mtl")))
+        mesh = joined([part.mesh for part in parts])
+        boxes.append(_define(level, path.AppendChild(name), mesh, parts, path.AppendChild("mtl")))
+        geo = composed.stage.GetPrimAtPath(path.AppendChild("geo"))
+        author_flat_wind(level.GetPrimAtPath(path.AppendChild(name)), mesh, parts, geo)
         layers[name] = level.GetRootLayer()
     layers["materials"] = new_stage(composed.name).GetRootLayer()
     Sdf.CreatePrimInLayer(layers["materials"], path).typeName = "Xform"
@@ -61,13 +66,14 @@ def write_unreal(tree: Path, folder: Path, variants: Mapping[str, str]) -> Path:
     return save(_root(composed, names, union(boxes), tree.name), folder / tree.name)
 
 
-def _define(stage: Usd.Stage, path: Sdf.Path, parts: Sequence[Part], mtl: Sdf.Path) -> Box:
-    """Author parts as one mesh, faces in their order, a subset for each where there are several."""
-    box = define_mesh(stage, path, joined([part.mesh for part in parts]), mtl.AppendChild(parts[0].material.name))
+def _define(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh, parts: Sequence[Part], mtl: Sdf.Path) -> Box:
+    """Author parts, joined as one mesh, faces in their order, a subset for each where there are several."""
+    box = define_mesh(stage, path, mesh, mtl.AppendChild(parts[0].material.name))
     if len(parts) == 1:
         return box
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(path))
-    UsdGeom.Subset.SetFamilyType(mesh, UsdShade.Tokens.materialBind, UsdGeom.Tokens.partition)
+    UsdGeom.Subset.SetFamilyType(
+        UsdGeom.Mesh(stage.GetPrimAtPath(path)), UsdShade.Tokens.materialBind, UsdGeom.Tokens.partition
+    )
     first = 0
     for part in parts:
         subset = UsdGeom.Subset.Define(stage, path.AppendChild(part.material.name))

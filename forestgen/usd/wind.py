@@ -35,7 +35,7 @@ def wind_layer(name: str, skeleton: Skeleton, levels: Sequence[Level]) -> Sdf.La
     wind = wind_of(tree)
     stage = new_stage(name)
     geo = Sdf.Path(f"/{name}/geo")
-    _author_tables(UsdGeom.PrimvarsAPI(stage.OverridePrim(geo)), wind)
+    author_tables(UsdGeom.PrimvarsAPI(stage.OverridePrim(geo)), wind)
     for k, level in enumerate(levels):
         home = geo.AppendChild(f"LOD{k}")
         parts: dict[str, NDArray[np.int64]] = {}
@@ -46,11 +46,11 @@ def wind_layer(name: str, skeleton: Skeleton, levels: Sequence[Level]) -> Sdf.La
         if len(level.cards.faces):
             parts["leaf_cards"] = np.zeros(len(weld(level.cards).kept), np.int64)
         for part, limb in parts.items():
-            _author_values(UsdGeom.PrimvarsAPI(stage.OverridePrim(home.AppendChild(part))), wind, limb)
+            author_values(UsdGeom.PrimvarsAPI(stage.OverridePrim(home.AppendChild(part))), wind, limb)
     return stage.GetRootLayer()
 
 
-def _author_tables(api: UsdGeom.PrimvarsAPI, wind: Wind) -> None:
+def author_tables(api: UsdGeom.PrimvarsAPI, wind: Wind) -> None:
     """Author the values (L,) of all limbs as constant primvars of L elements: what shaders look parents up in."""
     kinds = Sdf.ValueTypeNames
     tables = {
@@ -65,7 +65,7 @@ def _author_tables(api: UsdGeom.PrimvarsAPI, wind: Wind) -> None:
         api.CreatePrimvar(f"wind:limbs:{key}", kind, UsdGeom.Tokens.constant, len(wind)).Set(value)
 
 
-def _author_values(api: UsdGeom.PrimvarsAPI, wind: Wind, limb: NDArray[np.int64]) -> None:
+def author_values(api: UsdGeom.PrimvarsAPI, wind: Wind, limb: NDArray[np.int64]) -> None:
     """Author one value a point or instance (P,), that of its limb (P,).
 
     `vertex` on a point instancer means one an instance (UsdGeomPointInstancer, "Primvars"). Values are
