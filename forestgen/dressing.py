@@ -7,6 +7,7 @@ Their names are those of the tree as photographed with an ending: leaf_autumn, l
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -90,6 +91,18 @@ def draw_pictures(
     """
     shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
     box = union([level_box(level) for level in (full_level(model), *levels)])
+    with ThreadPoolExecutor(1) as aside:  # most of both runs without Python's lock
+        sides = aside.submit(side_cards, shown, box, worn)
+        made = _foliage_pictures(model, plan, worn, without_light)
+    for pictures, faces in zip(made, sides.result(), strict=True):
+        pictures |= {card_name(face): image for face, image in faces.items()}
+    return made
+
+
+def _foliage_pictures(
+    model: TreeModel, plan: CardPlan | None, worn: Sequence[NDArray[np.uint8] | None], without_light: bool
+) -> list[Pictures]:
+    """Leaves and cards with each of some leaf atlases."""
     made: list[Pictures] = []
     for leaf in worn:
         pictures: Pictures = {} if leaf is None else {LEAF: leaf}
@@ -101,8 +114,6 @@ def draw_pictures(
             if plan is not None:
                 pictures[CARDS + DELIT] = bake_cards(plan, model, pictures[LEAF + DELIT], alpha=_alpha(pictures[CARDS]))
         made.append(pictures)
-    for pictures, sides in zip(made, side_cards(shown, box, worn), strict=True):
-        pictures |= {card_name(face): image for face, image in sides.items()}
     return made
 
 

@@ -58,8 +58,12 @@ def side_cards(
     sets: list[dict[str, NDArray[np.uint8]]] = [{} for _ in atlases]
     for face, (azimuth, elevation, turn) in FACES.items():
         drawn = pictures(drawables, _camera(px, azimuth, elevation), atlases)
-        for found, picture in zip(sets, drawn, strict=True):
-            found[face] = _cut_out(picture, turn)
+        alpha: dict[bool, NDArray[np.float32]] = {}  # of the leafy ones, and of the bare ones
+        for found, atlas, picture in zip(sets, atlases, drawn, strict=True):
+            is_bare = atlas is None
+            if is_bare not in alpha:
+                alpha[is_bare] = _sharp_alpha(picture[..., 3])
+            found[face] = np.ascontiguousarray(np.rot90(bled(picture, alpha[is_bare]), turn))
     return sets
 
 
@@ -71,8 +75,7 @@ def _camera(px: NDArray[np.float64], azimuth: float, elevation: float) -> Camera
     return Camera((width, height), (max(0.0, -across), height - max(0.0, -up)), 1.0, azimuth, elevation)
 
 
-def _cut_out(picture: NDArray[np.float32], turn: int) -> NDArray[np.uint8]:
-    """A premultiplied picture as one that is cut out, turned by quarters."""
-    coverage = np.ascontiguousarray(picture[..., 3])
-    alpha = (cutout_alpha(coverage, coverage) >= 0.5).astype(np.float32)
-    return np.ascontiguousarray(np.rot90(bled(picture, alpha), turn))
+def _sharp_alpha(coverage: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Alpha (H, W) that is 0 or 1 and shows as much as is covered."""
+    coverage = np.ascontiguousarray(coverage)
+    return (cutout_alpha(coverage, coverage) >= 0.5).astype(np.float32)
