@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from forestgen.camera import Camera
 from forestgen.render.card_cutout import bled
+from forestgen.render.card_leaves import strip_drawables
 from forestgen.render.card_mips import lasting_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
@@ -44,6 +45,7 @@ def bake_cards(
     drawables = [_twigs(plan, model.mesh, model.bark)] if len(plan.twig) else []
     if leaf_rgba is not None and len(model.leaves):
         drawables += _leaves(plan, model, leaf_rgba)
+        drawables += strip_drawables(plan.strips, plan.strip_cell, plan.side, leaf_rgba)
     n = FINER if alpha is None else 1
     px = plan.side * n
     with Studio(drawables) as studio:
@@ -54,7 +56,7 @@ def bake_cards(
     share = np.ones((plan.side, plan.side), np.float32)
     for (left, top, width, height), part in zip(plan.cell.tolist(), plan.share.tolist(), strict=True):
         share[top : top + height, left : left + width] = part
-    coverage = np.ascontiguousarray(picture[..., 3])
+    coverage = np.where(plan.is_beyond, np.float32(0), picture[..., 3])
     return bled(picture, lasting_alpha(coverage, coverage * share))
 
 

@@ -4,6 +4,7 @@ A billboard cloud (Decoret et al. 2003, "Billboard clouds for extreme model simp
 parallel cards: across z, across x, and level. Each leaf and each piece of thin wood is shown by the nearest card
 of every family, as seen straight onto it. From the front, the side and above the picture is exact whatever the
 cards' distance; from in between a leaf is seen on two or three cards at once, each at most half a distance off.
+So the leaves and twigs that draw the outlines stay solid, and cards are cut off where they reach beyond them.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from numpy.typing import NDArray
 from forestgen.arrays import freeze
 from forestgen.camera import Camera
 from forestgen.render.card_layout import groups
+from forestgen.render.card_leaves import FINER, LEAST, LeafStrips, leaf_strips, strip_pieces
+from forestgen.render.card_mesh import card_pieces, joined, outward_mesh
+from forestgen.render.card_outline import Outlines
+from forestgen.render.card_solid import solid_things, twig_wedges
 from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
-from forestgen.tree.level import EMPTY_MESH, NO_LEAVES, Level
-from forestgen.tree.limbs import unit
+from forestgen.tree.level import NO_LEAVES, Level
 from forestgen.tree.model import Mesh, TreeModel
 from forestgen.tree.places import leaf_matrices
 
@@ -28,6 +32,7 @@ SWITCH_PX = 60.0  # at which cards and the full tree look alike
 N_SLABS = 110  # over all families
 N_BARE_SLABS = 45  # of a bare tree: its twigs want texels more than depth (IoU of the bare oak 0.945, with 110 0.913)
 N_CARDS = 180  # two triangles each
+BEYOND = 0.5  # texels that a card may reach beyond the tree's outline
 LEVEL_SHARE = 0.8  # of the coverage on level cards: seen aslant they come on top of the upright ones'
 UPRIGHT_SHARE = 0.97  # likewise where two upright families are seen together
 FAMILIES = tuple(Camera((1, 1), (0.0, 0.0), 1.0, *angles).axes for angles in ((0, 0), (np.pi / 2, 0), (0, np.pi / 2)))
@@ -38,13 +43,16 @@ SHARES = (UPRIGHT_SHARE, UPRIGHT_SHARE, LEVEL_SHARE)
 class CardPlan:
     """C cards, K = 3 families, L leaves and T faces of thin wood of one tree."""
 
-    mesh: Mesh  # the cards, four points and two faces each, over the card texture
-    wood: Mesh  # trunk and main limbs as coarse tubes
+    mesh: Mesh  # the cards, four points and two faces each, and the leaves that stay solid, over the card texture
+    wood: Mesh  # trunk and main limbs as coarse tubes, and the ends of twigs that stay solid
     side: int  # px, width and height of the texture
     px_per_metre: float  # of the cells
     frame: NDArray[np.float64]  # (C, 4, 4) tree to texture: px right, px up from its lower edge, px before the card
     cell: NDArray[np.int64]  # (C, 4) px: left, top, width, height
     share: NDArray[np.float64]  # (C,) of the coverage that a card is to show
+    is_beyond: NDArray[np.bool_]  # (S, S) S = side: where cards reach beyond the tree's outline from some side
+    strips: LeafStrips  # leaves that stay solid; their cells (B, 4) px
+    strip_cell: NDArray[np.int64]
     leaf_card: NDArray[np.int64]  # (L, K) the cards that show a leaf
     twig: NDArray[np.int64]  # (T,) faces of the tree's mesh that are on cards
     twig_card: NDArray[np.int64]  # (T, K)
@@ -55,6 +63,8 @@ class CardPlan:
             frame=(np.float64, "C", 4, 4),
             cell=(np.int64, "C", 4),
             share=(np.float64, "C"),
+            is_beyond=(np.bool_, "S", "S"),
+            strip_cell=(np.int64, "B", 4),
             leaf_card=(np.int64, "L", "K"),
             twig=(np.int64, "T"),
             twig_card=(np.int64, "T", "K"),
@@ -88,16 +98,24 @@ def plan_cards(model: TreeModel, *, n_slabs: int | None = None, n_cards: int = N
         box[c] = near.min(axis=0), far.max(axis=0)
         weight = (far - near)[:, :2].prod(axis=1) + 1e-12
         box[c, :, 2] = np.average((near + far)[:, 2] / 2, weights=weight)
-    scale, cell = _packed(np.ptp(box[:, :, :2], axis=1), side)
+    solid = solid_things(model)
+    strips = leaf_strips(model, solid.leaf)
+    sizes = np.concatenate([np.ptp(box[:, :, :2], axis=1), FINER * strips.size])
+    scale, cell = _packed(sizes, side, np.repeat([1, LEAST], [len(box), len(strips.size)]))
+    cell, strip_cell = cell[: len(box)], cell[len(box) :]
     axes = np.array(FAMILIES)[family]
+    frame = _frames(box, axes, cell, scale, side)
     return CardPlan(
-        mesh=_card_mesh(box, axes, cell, scale, side) if len(box) else EMPTY_MESH,
-        wood=coarse_wood(model, thick),
+        mesh=outward_mesh(card_pieces(box, axes, cell, scale, side), strip_pieces(strips, strip_cell, side)),
+        wood=joined(coarse_wood(model, thick), twig_wedges(solid, model.bark)),
         side=side,
         px_per_metre=scale,
-        frame=_frames(box, axes, cell, scale, side),
+        frame=frame,
         cell=cell,
         share=np.array(SHARES)[family],
+        is_beyond=_is_beyond(solid.outlines, frame, cell, scale, side),
+        strips=strips,
+        strip_cell=strip_cell,
         leaf_card=shown_by[: len(model.leaves)],
         twig=twig,
         twig_card=shown_by[len(model.leaves) :],
@@ -121,14 +139,17 @@ def _boxes(model: TreeModel, twig: NDArray[np.int64]) -> tuple[NDArray[np.float6
     return low, high
 
 
-def _packed(sizes: NDArray[np.float64], side: int) -> tuple[float, NDArray[np.int64]]:
-    """The greatest scale (px a metre), within 1 %, at which rectangles (C, 2) m fit, and their cells (C, 4) px."""
+def _packed(sizes: NDArray[np.float64], side: int, least: NDArray[np.int64]) -> tuple[float, NDArray[np.int64]]:
+    """The greatest scale (px a metre), within 1 %, at which rectangles (C, 2) m fit, and their cells (C, 4) px.
+
+    None is less than `least` (C,) px wide or high.
+    """
     if not len(sizes):
         return 1.0, np.zeros((0, 4), np.int64)
     scale = float(np.sqrt(side * side / max(sizes.prod(axis=1).sum(), 1e-12)))
     scale = min(scale, (side - 2 * GUTTER) / float(sizes.max()))
     while True:
-        px = np.maximum(np.ceil(sizes * scale).astype(np.int64), 1)
+        px = np.maximum(np.ceil(sizes * scale).astype(np.int64), least[:, None])
         cell, height = _shelves(px, side)
         if height <= side:
             return scale, cell
@@ -161,26 +182,15 @@ def _frames(
     return frame
 
 
-def _card_mesh(
-    box: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    cell: NDArray[np.int64],
-    scale: float,
-    side: int,
-) -> Mesh:
-    """Two triangles a card, as large as its cell; normals away from the crown's middle, the outer side in front."""
-    unit_square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    half = (unit_square - 0.5)[None] * cell[:, None, 2:] / scale
-    middle = box.mean(axis=1)
-    flat = np.concatenate([middle[:, None, :2] + half, np.repeat(middle[:, None, 2:], 4, axis=1)], axis=2)
-    points = np.einsum("cka,cai->cki", flat, axes)
-    px = cell[:, None, :2] + cell[:, None, 2:] * [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]
-    uv = px / side * [1, -1] + [0, 1]
-    centre = (points.reshape(-1, 3).min(axis=0) + points.reshape(-1, 3).max(axis=0)) / 2
-    outward = points - centre
-    behind = np.einsum("ci,ci->c", outward.mean(axis=1), axes[:, 2]) < 0
-    faces = np.where(behind[:, None, None], [[0, 2, 1], [0, 3, 2]], [[0, 1, 2], [0, 2, 3]])
-    facing = np.where(behind[:, None], -axes[:, 2], axes[:, 2])[:, None]
-    normals = unit(unit(outward) + facing)
-    index = 4 * np.arange(len(box))[:, None, None]
-    return Mesh(points.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), (faces + index).reshape(-1, 3))
+def _is_beyond(
+    outlines: Outlines, frame: NDArray[np.float64], cell: NDArray[np.int64], scale: float, side: int
+) -> NDArray[np.bool_]:
+    """The texels (side, side) of cards that lie beyond the outlines by more than BEYOND texels."""
+    found = np.zeros((side, side), np.bool_)
+    for place, (left, top, width, height) in zip(frame, cell.tolist(), strict=True):
+        texel = np.array([[left, top], [left + 1, top], [left, top + 1]]) + 0.5
+        flat = np.column_stack([texel[:, 0], side - texel[:, 1], np.zeros(3)])
+        corner = (flat - place[:3, 3]) @ np.linalg.inv(place[:3, :3]).T
+        away = outlines.farthest_beyond(corner, (width, height))
+        found[top : top + height, left : left + width] = away * scale > BEYOND
+    return found

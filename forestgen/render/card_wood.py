@@ -13,9 +13,9 @@ from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.tubes import Tubes, sweep, vertex_normals, with_domes
 
 THICK = 1 / 240  # radius above which wood is solid, as a share of the height: half a pixel wide at 60 px
-TRUNK_SIDES, SIDES = 5, 4  # flats of the tubes
-STRAIGHT = 1 / 250  # how far a tube's axis may stray from the limb, as a share of the height
-MOST_FACES = 130  # of all tubes; limbs that are too many go onto the cards, the thinnest first
+TRUNK_SIDES, SIDES = 8, 4  # flats of the tubes
+STRAIGHT = 1 / 600  # how far a tube's axis may stray from the limb, as a share of the height
+MOST_FACES = 200  # of all tubes; limbs that are too many go onto the cards, the thinnest first
 SINK = 1 / 200  # how far the trunk reaches into the ground, as a share of the height
 COARSER = 1.15  # the step by which the least radius grows
 REACH = 1.5  # radii from its axis within which a surface is a limb's own: roots flare, bark is uneven

@@ -14,6 +14,7 @@ from forestgen.check import metrics
 from forestgen.render import Drawable, Studio
 from forestgen.render.card_cutout import bled, cutout_alpha, shown_area
 from forestgen.render.card_mips import block_means, lasting_alpha
+from forestgen.render.card_solid import FEW
 from forestgen.render.card_wood import corners
 from forestgen.render.cards import CardPlan, bake_cards, plan_cards
 from forestgen.render.model_drawables import level_drawables
@@ -147,7 +148,8 @@ def test_the_same_bytes_again():
 
 def test_a_plan_is_lean_and_its_cells_lie_apart():
     plan = plan_cards(forked_tree(1500))
-    assert plan.level(forked_tree(1500)).n_triangles <= 500
+    assert 2 * len(plan.cell) + len(plan.wood.faces) <= 500
+    assert plan.level(forked_tree(1500)).n_triangles <= 500 + 2 * FEW * 1500
     left, top, width, height = plan.cell.T
     for k in range(len(plan.cell)):
         near = (left < left[k] + width[k] + 4) & (left + width + 4 > left[k])

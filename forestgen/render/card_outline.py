@@ -1,0 +1,107 @@
+"""A tree's outlines from a dozen sides: what of it reaches furthest out, and where cards reach beyond them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_fill_holes
+
+from forestgen.arrays import freeze
+from forestgen.camera import Camera
+from forestgen.tree.lod_outline import CLOSING, SIDES
+from forestgen.tree.scale import disc
+
+CELLS = 400  # of the silhouettes, along the tree's height
+ROOM = 4  # empty cells around
+STRETCH = 0.02  # of the height: along so much of an outline the foremost thing is enough
+REACH = 0.012  # of the height: what lies deeper below the outline does not draw it
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """The silhouettes of a tree from S sides on W x W cells, their gaps closed and their holes filled."""
+
+    middle: NDArray[np.float64]  # (3,) m, what falls on the middle of the cells
+    cells_per_metre: float
+    beyond: NDArray[np.float32]  # (S, W, W) how many cells each lies outside, below 0 where it lies inside
+
+    def __post_init__(self) -> None:
+        freeze(self, middle=(np.float64, 3), beyond=(np.float32, "S", "W", "W"))
+
+    def farthest_beyond(self, corner: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float32]:
+        """How many metres (H, W) texels of a card lie beyond the outline of that side where this is most.
+
+        The card's texels, `size` (W, H), have their middles at corner[0] + x (corner[1] - corner[0]) +
+        y (corner[2] - corner[0]), with corners (3, 3) in metres.
+        """
+        most = np.full(size[::-1], -np.inf, np.float32)
+        for side, beyond in enumerate(self.beyond):
+            cell = _camera(side, beyond.shape[0], self.cells_per_metre).project(corner - self.middle) - 0.5
+            way = np.column_stack([cell[1] - cell[0], cell[2] - cell[0], cell[0]])
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            np.maximum(most, cv2.warpAffine(beyond, way, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), out=most)
+        return np.asarray(most / self.cells_per_metre, np.float32)
+
+
+def outlines_of(
+    points: NDArray[np.float64], owner: NDArray[np.int64], height: float
+) -> tuple[Outlines, NDArray[np.int64]]:
+    """The outlines of a tree, `height` metres tall, of points (N, 3), and how much of them hangs on each thing.
+
+    Points belong to things `owner` (N,), or to none of interest where that is -1. The second answer (M,) counts the
+    stretches of outlines along which a thing is the foremost.
+    """
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    scale = CELLS / max(height, 1e-6)
+    width = int(np.ceil(np.linalg.norm(np.ptp(points, axis=0)) * scale + 2 * CLOSING * CELLS)) + 2 * ROOM
+    beyond = np.empty((len(SIDES), width, width), np.float32)
+    leads = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
+    is_owned = owner >= 0
+    for side in range(len(SIDES)):
+        column, row = np.floor(_camera(side, width, scale).project(points - middle)).astype(np.int64).T
+        is_inside = _silhouette(row, column, width)
+        depth, nearest = _below(is_inside)
+        beyond[side] = cv2.distanceTransform((~is_inside).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) - depth
+        row, column = row[is_owned], column[is_owned]
+        leads[foremost(depth[row, column], nearest[row, column], owner[is_owned])] += 1
+    return Outlines(middle, scale, beyond), leads
+
+
+def foremost(depth: NDArray[np.float32], nearest: NDArray[np.int64], owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The things that lie least deep along each stretch of one outline, each once, in order.
+
+    Their points (N,) lie `depth` cells below it, its cells `nearest` (N, 2) next to them, and belong to `owner`.
+    """
+    near = np.flatnonzero(depth <= REACH * CELLS)
+    stretch = nearest[near] // round(STRETCH * CELLS)
+    order = np.lexsort((owner[near], depth[near], stretch[:, 0], stretch[:, 1]))
+    along = stretch[order]
+    is_first = np.ones(len(order), bool)
+    is_first[1:] = (along[1:] != along[:-1]).any(axis=1)
+    return np.unique(owner[near[order[is_first]]])
+
+
+def _camera(side: int, width: int, cells_per_metre: float) -> Camera:
+    """Sees a side in cells."""
+    return Camera((width, width), (width / 2, width / 2), cells_per_metre, *SIDES[side])
+
+
+def _silhouette(row: NDArray[np.int64], column: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
+    """The cells (W, W) that points fall on, with what lies between them."""
+    mask = np.zeros((width, width), np.uint8)
+    mask[row, column] = 1
+    return np.asarray(binary_fill_holes(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc(CLOSING * CELLS))), np.bool_)
+
+
+def _below(is_inside: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """How many cells each (W, W) lies inside, and row and column (W, W, 2) of the nearest that does not."""
+    depth, label = cv2.distanceTransformWithLabels(
+        is_inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    outside = np.argwhere(~is_inside)
+    at = np.zeros((int(label.max()) + 1, 2), np.int64)
+    at[label[outside[:, 0], outside[:, 1]]] = outside
+    return np.asarray(depth, np.float32), at[label]
