@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from forestgen.tree.backdrop import leaf_share, spread_backdrop
 from forestgen.tree.segment.region import Region
-from forestgen.tree.segment.soft_edge import FLECK, without_flecks
+from forestgen.tree.segment.soft_edge import FLECK, without_flecks, without_strays
 
 AT_HALF = 0.33  # measured: the share of the farthest colour at which a pixel is half covered; shaded leaves lie nearer
 CLEAR = 0.05  # alpha below which a pixel shows what is behind
@@ -33,5 +33,5 @@ def without_sky(region: Region, leaf: NDArray[np.float32], wood: NDArray[np.floa
         share = leaf_share(region.rgb[is_leaf], behind.rgb[is_leaf], behind.smoothness[is_leaf])
         leaf = leaf.copy()
         leaf[is_leaf] = np.minimum(leaf[is_leaf], share * np.float32(0.5 / AT_HALF))
-    kept = without_flecks(leaf + wood, FLECK * region.size_px**2)
+    kept = without_strays(without_flecks(leaf + wood, FLECK * region.size_px**2), region.size_px)
     return np.where(kept > 0, leaf, np.float32(0))

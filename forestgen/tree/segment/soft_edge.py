@@ -10,6 +10,7 @@ BAND = 2  # px on either side of the edge where a pixel may be mixed: a lens's b
 NEAR = 3.0  # sigma in px of the neighbourhood whose colours stand for tree and for background
 EDGE_SAY = 0.05  # what the edge's own pixels count, where nothing else is near (a twig two pixels wide)
 TOO_CLOSE = 12 / 255  # colour difference in sRGB below which mixtures cannot be told
+STRAY, APART = 0.03, 0.02  # of the crown's size: patches less wide than that, farther than this from wider ones
 FLECK = 1e-4  # of the crown's area: smaller lone patches of tree are noise; the truth has hardly any
 
 
@@ -39,6 +40,25 @@ def without_flecks(alpha: NDArray[np.float32], least_area: float) -> NDArray[np.
     _, label, stats, _ = cv2.connectedComponentsWithStats((alpha > 0).astype(np.uint8), connectivity=8)
     covered = np.bincount(label.ravel(), (alpha >= 0.5).ravel(), len(stats))
     return np.where(covered[label] >= least_area, alpha, np.float32(0))
+
+
+def without_strays(alpha: NDArray[np.float32], size_px: float) -> NDArray[np.float32]:
+    """The matte (h, w) without the small patches that stand apart from all large ones.
+
+    They are a neighbour's leaves, or the background in its gaps; a crown of `size_px` has its own tufts nearer.
+    """
+    _, label, stats, _ = cv2.connectedComponentsWithStats((alpha >= 0.5).astype(np.uint8), connectivity=8)
+    is_large = stats[:, cv2.CC_STAT_AREA] >= (STRAY * size_px) ** 2
+    is_large[0] = False
+    if not is_large.any():
+        return alpha
+    away = cv2.distanceTransform((~is_large[label]).astype(np.uint8), cv2.DIST_L2, 5)
+    nearest = np.full(len(stats), np.inf)
+    np.minimum.at(nearest, label.ravel(), away.ravel())
+    is_stray = nearest > APART * size_px
+    is_stray[0] = False
+    rim = cv2.dilate(is_stray[label].astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return np.where(is_stray[label] | (rim & (label == 0)), np.float32(0), alpha)
 
 
 def _local_mean(rgb: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from forestgen.tree.segment.bare import is_bare_crown
 from forestgen.tree.segment.green_red import most_green_or_red, split_clusters
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.region import bounding, dilations_px, look_at
-from forestgen.tree.segment.soft_edge import soften
+from forestgen.tree.segment.soft_edge import soften, without_strays
 from forestgen.tree.segment.wood import distinct_colours, follow_limbs, share_out
 from tests.tree.segment import scenes
 
@@ -131,3 +131,20 @@ def test_bare_crowns_are_told_from_leafy_ones(scene: scenes.Scene, expected: boo
     limbs = follow_limbs(region, scene.strokes, rng=rng)
     assert is_bare_crown(region, scene.is_tree[region.window], limbs.cover) is expected
     assert not is_bare_crown(region, np.zeros_like(region.is_inside), limbs.cover)
+
+
+def test_small_patches_that_stand_apart_are_strays() -> None:
+    alpha = np.zeros((100, 100), np.float32)
+    alpha[20:60, 20:60] = 1  # the crown
+    alpha[20:22, 61:63] = 1  # a tuft near it
+    alpha[80:82, 80:82] = 1  # a stray, and its soft rim
+    alpha[79, 80:82] = 0.3
+    alpha[70:90, 2:22] = 1  # another large part
+    out = without_strays(alpha, 200.0)
+    assert not out[75:, 70:].any()
+    kept = np.ones_like(alpha, bool)
+    kept[75:, 70:] = False
+    assert_array_equal(out[kept], alpha[kept])
+    small = alpha * 0
+    small[80:82, 80:82] = 1
+    assert_array_equal(without_strays(small, 200.0), small)  # nothing large to stand apart from
