@@ -54,7 +54,7 @@ def without_strays(alpha: NDArray[np.float32], size_px: float) -> NDArray[np.flo
         return alpha
     away = cv2.distanceTransform((~is_large[label]).astype(np.uint8), cv2.DIST_L2, 5)
     nearest = np.full(len(stats), np.inf)
-    np.minimum.at(nearest, label.ravel(), away.ravel())
+    np.minimum.at(nearest, np.asarray(label, np.int32).ravel(), away.ravel())
     is_stray = nearest > APART * size_px
     is_stray[0] = False
     rim = cv2.dilate(is_stray[label].astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
