@@ -2,9 +2,9 @@
 
 python benchmarks/tree.py [SCENE.toml ...] [--no-check]
 
-Each tree is built in a process of its own, imports included, as `forestgen tree` does. The caches of
-compiled code are warmed by one build that is not counted. Wall seconds mean little on a busy machine, so
-processor seconds stand beside them.
+Each tree is built in a process of its own, as `forestgen tree` does: imports, levels of detail, cards and seasons
+included. The caches of compiled code are warmed by one build that is not counted. Wall seconds mean little on a
+busy machine, so processor seconds stand beside them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from forestgen.blas import on_one_thread
 
 SCENES = Path(__file__).parents[1] / "scenes"
 BUDGET_S, BUDGET_GB = 10.0, 1.5  # photo and strokes to written USD; peak memory: DESIGN, section 7
-PARTS = ("imports", "read", "segment", "trace", "grow", "bark", "mesh", "atlas", "leaves", "write", "levels")
+PARTS = ("imports", "read", "segment", "trace", "grow", "bark", "mesh", "atlas", "leaves", "levels", "write")
 
 
 def build_one(manifest: Path, index: int, is_checked: bool) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def build_one(manifest: Path, index: int, is_checked: bool) -> dict[str, Any]:
             "name": tree.name,
             "size": model.views[0].photo.size,
             "seconds": seconds,
-            "wall": perf_counter() - start - seconds["levels"],  # levels, cards and seasons have a budget of their own
+            "wall": perf_counter() - start,
             "cpu": process_time() - start_cpu,
             "gb": peak_gb(),
             "leaves": len(model.leaves),
@@ -84,7 +84,7 @@ def run_alone(manifest: Path, index: int, is_checked: bool) -> dict[str, Any]:
 
 def print_table(rows: Sequence[dict[str, Any]]) -> None:
     """One row a tree, then what the worst one uses of the budget."""
-    heads = ("tree", "px", *PARTS, "to USD", "cpu s", "GB", "check", "GB")
+    heads = ("tree", "px", *PARTS, "whole", "cpu s", "GB", "check", "GB")
     print("| " + " | ".join(heads) + " |")
     print("|---" * len(heads) + "|")
     for row in rows:
@@ -100,19 +100,19 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
             *checked,
         )
         print("| " + " | ".join(cells) + " |")
-    wall, cpu = max(row["wall"] for row in rows), max(row["cpu"] for row in rows)
     memory = max(row.get("check_gb", row["gb"]) for row in rows)
-    print(
-        f"\nworst of the budget: {wall / BUDGET_S:.2f} of {BUDGET_S:g} s wall, {cpu / BUDGET_S:.2f} as processor time,"
-    )
-    print(f"{memory / BUDGET_GB:.2f} of {BUDGET_GB:g} GB; load of the machine {os.getloadavg()[0]:.1f}")
+    for what, key in (("by the clock", "wall"), ("of processor time", "cpu")):
+        worst = max(rows, key=lambda row: float(row[key]))
+        verdict = "within" if worst[key] <= BUDGET_S else "beyond"
+        print(f"\nphoto and strokes to written USD, {what}: {worst[key]:.1f} s at most ({worst['name']}),", end=" ")
+        print(f"{verdict} the {BUDGET_S:g} s of the budget")
+    print(f"\nmemory: {memory:.2f} of {BUDGET_GB:g} GB; load of the machine {os.getloadavg()[0]:.1f}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "scenes", nargs="*", type=Path, default=[SCENES / "street/scene.toml", SCENES / "woods/scene.toml"]
-    )
+    samples = [SCENES / name / "scene.toml" for name in ("street", "woods", "garden")]
+    parser.add_argument("scenes", nargs="*", type=Path, default=samples)
     parser.add_argument("--no-check", action="store_true")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
