@@ -211,7 +211,15 @@ def export(
     """Make a written tree or scene over for one kind of reader."""
     from forestgen.exporting import Wishes, export, parse_variants
 
-    wishes = Wishes(level, max_triangles, max_instances, season, parse_variants(variant or []), instancing, rig)
+    wishes = Wishes(
+        level=level,
+        max_triangles=max_triangles,
+        max_instances=max_instances,
+        season=season,
+        variants=parse_variants(variant or []),
+        instancing=instancing,
+        rig=rig,
+    )
     files = export(source, out, profile, wishes)
     if as_json:
         print(json.dumps([str(file) for file in files], indent=1))

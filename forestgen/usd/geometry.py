@@ -62,7 +62,7 @@ def define_mesh(
     prim.CreateNormalsAttr(vec3f(mesh.normals[welded.kept]))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     value, index = _distinct(mesh.uv)
-    _author_st(prim, value, index[mesh.faces] if by_corner or welded.is_closed else index)
+    _author_st(prim, value, index[mesh.faces] if by_corner or welded.has_seams else index)
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     prim.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
     prim.CreateDoubleSidedAttr(True)

@@ -26,7 +26,7 @@ class Weld:
         freeze(self, kept=(np.int64, "K"), stored=(np.int64, "P"))
 
     @property
-    def is_closed(self) -> bool:
+    def has_seams(self) -> bool:
         """Whether there was a seam."""
         return len(self.kept) < len(self.stored)
 

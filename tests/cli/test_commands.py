@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from forestgen import doctor
+from forestgen import doctor, exporting
 from forestgen.errors import InputError, RenderError, StageError
 from tests.cli.shell import REPORT, failing, one_line, shell
 from tests.small_scene import digests
@@ -41,6 +42,31 @@ def test_exit_codes(run, pretend, folder, command, outcome, code, says):
         assert says in one_line(err)
     else:
         assert err == ""
+
+
+def test_every_wish_reaches_the_export(run, folder, monkeypatch):
+    asked = []
+
+    def export(*arguments):
+        asked.append(arguments)
+        return []
+
+    monkeypatch.setattr(exporting, "export", export)
+    words = "out -o made --profile web --level 2 --max-triangles 500 --max-instances 60 --season autumn --rig"
+    run("export", *words.split(), "--variant", "light=delit", "--no-instancing")
+    run("export", "out", "-o", "made")
+    wishes = exporting.Wishes(2, 500, 60, "autumn", {"light": "delit"}, instancing=False, rig=True)
+    assert asked == [
+        (Path("out"), Path("made"), "web", wishes),
+        (Path("out"), Path("made"), "usd", exporting.Wishes()),
+    ]
+
+
+def test_a_season_that_there_is_not_is_told_in_one_line(run, folder):
+    came, _, err = run("export", folder, "-o", "made", "--profile", "glb", "--season", "spring")
+    assert came == 2
+    assert "--season: expected one of photo, summer, autumn, winter, came 'spring'" in one_line(err)
+    assert not (folder / "made").exists()
 
 
 def test_a_bug_is_not_hidden(run, pretend):

@@ -98,7 +98,7 @@ def test_welding_keeps_every_corner_and_no_point_twice() -> None:
         faces=rng.permutation(36).reshape(-1, 3),
     )
     welded = weld(split)
-    assert welded.is_closed
+    assert welded.has_seams
     assert_array_equal(welded.kept, np.sort(np.unique(split.points, axis=0, return_index=True)[1]))
     assert_array_equal(split.points[welded.kept][welded.stored], split.points)
     assert_array_equal(split.normals[welded.kept][welded.stored], split.normals)
