@@ -110,10 +110,11 @@ def _seams(
     entry = np.array(cut[0].GetIndices(time), np.int64)
     if len(entry) != len(index) or not len(entry) or entry.min() < 0:
         return every, every
-    at = np.full(entry.max() + 1, -1)
-    at[entry[::-1]] = every[::-1]  # the first corner with each entry
-    if at.min() >= 0 and np.array_equal(index[at[entry]], index):
-        return at, entry  # each entry is of one point, as in what this program writes of wood: nothing to sort
+    if entry.max() < len(index):
+        at = np.full(entry.max() + 1, -1)
+        at[entry[::-1]] = every[::-1]  # the first corner with each entry
+        if at.min() >= 0 and np.array_equal(index[at[entry]], index):
+            return at, entry  # each entry is of one point, as in what this program writes of wood: nothing to sort
     _, at, own = np.unique(entry * (index.max() + 1) + index, return_index=True, return_inverse=True)
     return at, own
 

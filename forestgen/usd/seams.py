@@ -27,7 +27,7 @@ class Weld:
 
     @property
     def has_seams(self) -> bool:
-        """Whether there was a seam."""
+        """Whether points stand twice."""
         return len(self.kept) < len(self.stored)
 
 

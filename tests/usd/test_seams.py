@@ -88,6 +88,37 @@ def test_what_has_no_seam_stays_by_point_unless_it_is_asked_for(tmp_path: Path) 
         assert_array_equal(uv[back.faces], box.uv.astype(np.float32)[box.faces])
 
 
+@pytest.mark.parametrize(
+    ("entry", "stands"),
+    [
+        ([0, 1, 2, 0, 2, 3], 4),  # each coordinate is of one point
+        ([0, 1, 0, 0, 0, 1], 4),  # two points share coordinates
+        ([0, 1, 2, 3, 2, 4], 5),  # point 0 has two
+        ([0, 1, 2, 0, 2, 9], 4),  # some are of no point
+    ],
+)
+def test_a_point_stands_as_often_as_it_has_coordinates(entry: list[int], stands: int) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    mesh = UsdGeom.Mesh.Define(stage, "/square")
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh.CreatePointsAttr(square.tolist())
+    mesh.CreateFaceVertexCountsAttr([3, 3])
+    mesh.CreateFaceVertexIndicesAttr(faces.ravel().tolist())
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    value = np.column_stack([np.arange(10), np.zeros(10)])
+    st.Set(value.tolist())
+    st.SetIndices(entry)
+    back = read_triangles(mesh.GetPrim(), Usd.TimeCode.Default())
+    assert back is not None
+    uv = back.uv("st")
+    assert uv is not None
+    assert len(back.points) == len(uv) == stands
+    assert_array_equal(back.points[back.faces], square[faces])
+    assert_array_equal(uv[back.faces].reshape(-1, 2), value[entry])
+    assert_array_equal(square[back.stored], back.points)
+
+
 def test_welding_keeps_every_corner_and_no_point_twice() -> None:
     part = box_mesh(1.0, 2.0)
     rng = np.random.default_rng(2)
