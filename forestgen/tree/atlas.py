@@ -57,10 +57,10 @@ class LeafAtlasFromPhoto(Strategy):
             length = max(self.piece_share * height_px(view), self.piece_lengths * leaf_length_px(view))
             pieces = find_pieces(view, pure, length)
             n = self.colours * (k + 1) // len(leafy) - self.colours * k // len(leafy)
-            used: set[int] = set()
+            form, used = self.form(view, length), set[int]()
             for lab, near in rank_colours(pieces, max(1, n)):
                 fresh = [piece for piece in near if piece not in used] or near
-                cell, piece = self.draw(pieces, lab, fresh, self.form(view, length), rng=rng)
+                cell, piece = self.draw(pieces, lab, fresh, form, rng=rng)
                 used.add(piece)
                 cells.append(cell)
                 lengths.append(float(pieces.length[piece]) / (1 - PETIOLE))
