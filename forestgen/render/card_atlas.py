@@ -13,7 +13,7 @@ from forestgen.render.card_mips import lasting_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
 from forestgen.render.model_drawables import bark_rgba, leaf_drawables
-from forestgen.render.studio import Studio
+from forestgen.render.raster import pictures
 from forestgen.tree.lod_prototypes import simpler
 from forestgen.tree.model import Bark, Mesh, TreeModel
 from forestgen.tree.places import leaf_matrices
@@ -38,7 +38,6 @@ def bake_cards(
 
     Raises:
         ValueError: the plan is another tree's, or the atlas has another size than the tree's.
-        RenderError: there is no OpenGL to draw with.
     """
     if len(plan.leaf_card) != len(model.leaves):
         raise ValueError(f"the cards show {len(plan.leaf_card)} leaves, but {model.name} has {len(model.leaves)}")
@@ -48,16 +47,12 @@ def bake_cards(
         drawables += strip_drawables(plan.strips, plan.strip_cell, plan.side, leaf_rgba)
     n = FINER if alpha is None else 1
     px = plan.side * n
-    with Studio(drawables) as studio:
-        finer = studio.colour(Camera((px, px), (0.0, float(px)), float(n)))
+    (finer,) = pictures(drawables, Camera((px, px), (0.0, float(px)), float(n)), [leaf_rgba])
     picture = np.asarray(cv2.resize(finer, (plan.side, plan.side), interpolation=cv2.INTER_AREA), np.float32)
     if alpha is not None:
         return bled(picture, alpha)
-    share = np.ones((plan.side, plan.side), np.float32)
-    for (left, top, width, height), part in zip(plan.cell.tolist(), plan.share.tolist(), strict=True):
-        share[top : top + height, left : left + width] = part
-    coverage = np.where(plan.is_beyond, np.float32(0), picture[..., 3])
-    return bled(picture, lasting_alpha(coverage, coverage * share))
+    coverage = np.where(plan.share > 0, picture[..., 3], np.float32(0))
+    return bled(picture, lasting_alpha(coverage, coverage * plan.share))
 
 
 def _leaves(plan: CardPlan, model: TreeModel, rgba: NDArray[np.uint8]) -> list[Drawable]:

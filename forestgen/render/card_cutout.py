@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 NEAR = 3  # texels; over so wide a square the covered area is kept
 FINER = 3  # places a texel along each way, at which interpolated alpha is judged
 HALVINGS = 8  # of the interval that holds a local threshold
+HIGHEST = 1 - 1 / 700  # threshold: halved, it falls a little below each sixteenth, which is what samples count in
 LEAST = 1 / 255  # coverage below which a texel stays clear
 ENOUGH = 0.3  # coverage from which a texel lends its colour to those with too little
 OWN = 0.05  # coverage from which a texel keeps its own colour
@@ -33,7 +34,7 @@ def local_threshold(coverage: NDArray[np.float32], goal: NDArray[np.float32], fi
     near, size = (NEAR, NEAR), coverage.shape[::-1]
     wanted = cv2.boxFilter(goal, -1, near)
     fine = _finer(coverage, finer)
-    low, high = np.zeros_like(coverage), np.ones_like(coverage)
+    low, high = np.zeros_like(coverage), np.full_like(coverage, HIGHEST)
     for _ in range(HALVINGS):
         threshold = (low + high) * np.float32(0.5)
         shown = (fine > _finer(threshold, finer)).astype(np.float32)

@@ -62,7 +62,15 @@ def strip_drawables(strips: LeafStrips, cell: NDArray[np.int64], side: int, rgba
         flat = np.column_stack([px[:, 0], side - px[:, 1], np.zeros(len(px))])
         normals = np.broadcast_to([0.0, 0.0, 1.0], flat.shape)
         found.append(
-            Drawable(name=f"strip_{k}", points=flat, faces=strip.faces, uv=strip.uv, normals=normals, texture=rgba)
+            Drawable(
+                name=f"strip_{k}",
+                points=flat,
+                faces=strip.faces,
+                uv=strip.uv,
+                normals=normals,
+                texture=rgba,
+                is_leaf=True,
+            )
         )
     return found
 

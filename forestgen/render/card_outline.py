@@ -16,7 +16,7 @@ from forestgen.tree.scale import disc
 
 CELLS = 400  # of the silhouettes, along the tree's height
 ROOM = 4  # empty cells around
-STRETCH = 0.02  # of the height: along so much of an outline the foremost thing is enough
+STRETCH = 0.01  # of the height: along so much of an outline the foremost thing is enough
 REACH = 0.012  # of the height: what lies deeper below the outline does not draw it
 
 
@@ -54,19 +54,22 @@ def outlines_of(
     Points belong to things `owner` (N,), or to none of interest where that is -1. The second answer (M,) counts the
     stretches of outlines along which a thing is the foremost.
     """
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    scale = CELLS / max(height, 1e-6)
-    width = int(np.ceil(np.linalg.norm(np.ptp(points, axis=0)) * scale + 2 * CLOSING * CELLS)) + 2 * ROOM
+    along = np.ascontiguousarray(points.T)
+    low, high = along.min(axis=1), along.max(axis=1)
+    middle, scale = (low + high) / 2, CELLS / max(height, 1e-6)
+    width = int(np.ceil(np.linalg.norm(high - low) * scale + 2 * CLOSING * CELLS)) + 2 * ROOM
     beyond = np.empty((len(SIDES), width, width), np.float32)
     leads = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
-    is_owned = owner >= 0
+    owned = np.flatnonzero(owner >= 0)
     for side in range(len(SIDES)):
-        column, row = np.floor(_camera(side, width, scale).project(points - middle)).astype(np.int64).T
+        across, down = _camera(side, width, scale).axes[:2] * [[scale], [-scale]]
+        column, row = ((axis @ along + (width / 2 - axis @ middle)).astype(np.int32) for axis in (across, down))
         is_inside = _silhouette(row, column, width)
         depth, nearest = _below(is_inside)
         beyond[side] = cv2.distanceTransform((~is_inside).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) - depth
-        row, column = row[is_owned], column[is_owned]
-        leads[foremost(depth[row, column], nearest[row, column], owner[is_owned])] += 1
+        below = depth[row[owned], column[owned]]
+        near = owned[below <= REACH * CELLS]
+        leads[foremost(depth[row[near], column[near]], nearest[row[near], column[near]], owner[near])] += 1
     return Outlines(middle, scale, beyond), leads
 
 
@@ -75,13 +78,12 @@ def foremost(depth: NDArray[np.float32], nearest: NDArray[np.int64], owner: NDAr
 
     Their points (N,) lie `depth` cells below it, its cells `nearest` (N, 2) next to them, and belong to `owner`.
     """
-    near = np.flatnonzero(depth <= REACH * CELLS)
-    stretch = nearest[near] // round(STRETCH * CELLS)
-    order = np.lexsort((owner[near], depth[near], stretch[:, 0], stretch[:, 1]))
+    stretch = nearest // round(STRETCH * CELLS)
+    order = np.lexsort((owner, depth, stretch[:, 0], stretch[:, 1]))
     along = stretch[order]
     is_first = np.ones(len(order), bool)
     is_first[1:] = (along[1:] != along[:-1]).any(axis=1)
-    return np.unique(owner[near[order[is_first]]])
+    return np.unique(owner[order[is_first]])
 
 
 def _camera(side: int, width: int, cells_per_metre: float) -> Camera:

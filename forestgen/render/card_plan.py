@@ -29,10 +29,12 @@ from forestgen.tree.places import leaf_matrices
 SIDE = 1024  # px of the card texture, both ways
 GUTTER = 4  # px between cells: two mip levels stay apart
 SWITCH_PX = 60.0  # at which cards and the full tree look alike
-N_SLABS = 110  # over all families
+N_SLABS = 90  # over all families
 N_BARE_SLABS = 45  # of a bare tree: its twigs want texels more than depth (IoU of the bare oak 0.945, with 110 0.913)
 N_CARDS = 180  # two triangles each
-BEYOND = 0.5  # texels that a card may reach beyond the tree's outline
+BEYOND = 0.2  # texels that a card may reach beyond the tree's outline
+RIM = 0.015  # of the height: how deep below an outline its rim goes
+RIM_SHARE = 1.4  # of the coverage there: the gaps between what the outline hangs on stay as narrow as they were
 LEVEL_SHARE = 0.8  # of the coverage on level cards: seen aslant they come on top of the upright ones'
 UPRIGHT_SHARE = 0.97  # likewise where two upright families are seen together
 FAMILIES = tuple(Camera((1, 1), (0.0, 0.0), 1.0, *angles).axes for angles in ((0, 0), (np.pi / 2, 0), (0, np.pi / 2)))
@@ -49,8 +51,7 @@ class CardPlan:
     px_per_metre: float  # of the cells
     frame: NDArray[np.float64]  # (C, 4, 4) tree to texture: px right, px up from its lower edge, px before the card
     cell: NDArray[np.int64]  # (C, 4) px: left, top, width, height
-    share: NDArray[np.float64]  # (C,) of the coverage that a card is to show
-    is_beyond: NDArray[np.bool_]  # (S, S) S = side: where cards reach beyond the tree's outline from some side
+    share: NDArray[np.float32]  # (S, S) S = side: of the coverage that a texel is to show; 0 beyond the tree's outline
     strips: LeafStrips  # leaves that stay solid; their cells (B, 4) px
     strip_cell: NDArray[np.int64]
     leaf_card: NDArray[np.int64]  # (L, K) the cards that show a leaf
@@ -62,8 +63,7 @@ class CardPlan:
             self,
             frame=(np.float64, "C", 4, 4),
             cell=(np.int64, "C", 4),
-            share=(np.float64, "C"),
-            is_beyond=(np.bool_, "S", "S"),
+            share=(np.float32, "S", "S"),
             strip_cell=(np.int64, "B", 4),
             leaf_card=(np.int64, "L", "K"),
             twig=(np.int64, "T"),
@@ -112,8 +112,7 @@ def plan_cards(model: TreeModel, *, n_slabs: int | None = None, n_cards: int = N
         px_per_metre=scale,
         frame=frame,
         cell=cell,
-        share=np.array(SHARES)[family],
-        is_beyond=_is_beyond(solid.outlines, frame, cell, scale, side),
+        share=_shares(np.array(SHARES)[family], solid.outlines, frame, cell, scale, side, RIM * model.height),
         strips=strips,
         strip_cell=strip_cell,
         leaf_card=shown_by[: len(model.leaves)],
@@ -182,15 +181,25 @@ def _frames(
     return frame
 
 
-def _is_beyond(
-    outlines: Outlines, frame: NDArray[np.float64], cell: NDArray[np.int64], scale: float, side: int
-) -> NDArray[np.bool_]:
-    """The texels (side, side) of cards that lie beyond the outlines by more than BEYOND texels."""
-    found = np.zeros((side, side), np.bool_)
-    for place, (left, top, width, height) in zip(frame, cell.tolist(), strict=True):
+def _shares(
+    share: NDArray[np.float64],
+    outlines: Outlines,
+    frame: NDArray[np.float64],
+    cell: NDArray[np.int64],
+    scale: float,
+    side: int,
+    rim: float,
+) -> NDArray[np.float32]:
+    """How much of their coverage the cards' texels (side, side) are to show, by the shares (C,) of their cards.
+
+    More within `rim` metres of an outline, none further beyond one than BEYOND texels.
+    """
+    found = np.ones((side, side), np.float32)
+    for part, place, (left, top, width, height) in zip(share.tolist(), frame, cell.tolist(), strict=True):
         texel = np.array([[left, top], [left + 1, top], [left, top + 1]]) + 0.5
         flat = np.column_stack([texel[:, 0], side - texel[:, 1], np.zeros(3)])
         corner = (flat - place[:3, 3]) @ np.linalg.inv(place[:3, :3]).T
         away = outlines.farthest_beyond(corner, (width, height))
-        found[top : top + height, left : left + width] = away * scale > BEYOND
+        mine = np.where(away > -rim, part * RIM_SHARE, part)
+        found[top : top + height, left : left + width] = np.where(away * scale > BEYOND, 0, mine)
     return found

@@ -20,10 +20,12 @@ from forestgen.tree.model import Bark, Mesh, TreeModel
 from forestgen.tree.places import leaf_matrices
 from forestgen.tree.skeleton import Skeleton
 
-MOST = 500  # leaves and twigs, of two and four triangles each
+MOST = 600  # leaves and twigs, of two and four triangles each
 FEW = 0.1  # of a tree's leaves, at most so many
-OUTER = 0.04  # of the tree's longest extent: what lies deeper inside never draws an outline
+OUTER = 0.03  # of the tree's longest extent: what lies deeper inside never draws an outline
 GRAIN = 0.01  # of the height: how far points that stand for a thing are apart; gaps of four times that are closed
+THICK = 0.1  # radius, over GRAIN, from which on wood is as wide as it is, AROUND points a ring
+AROUND = 8
 LENGTH = 1 / 20  # how much of a twig is solid, as a share of the height
 STRAIGHT = 1 / 250  # how far it may bend, likewise
 
@@ -54,9 +56,8 @@ def solid_things(model: TreeModel) -> Solid:
     points = np.concatenate([inner, blade, skeleton.position[tip[twig]]])
     owner = np.concatenate([np.full(len(inner), -1), leaf, n + twig])
     outlines, leads = outlines_of(points, owner, model.height)
-    chosen = np.argsort(-leads, kind="stable")[:MOST]
-    chosen = np.sort(chosen[leads[chosen] > 0])
-    limb = chosen[chosen > n] - n  # the first limb is the trunk
+    chosen = np.argsort(-leads, kind="stable")[: min(MOST, np.count_nonzero(leads))]
+    limb = np.sort(chosen[chosen > n]) - n  # the first limb is the trunk
     starts = [
         first + straight_end(skeleton.position[limbs.node[first:end]], STRAIGHT * model.height, LENGTH * model.height)
         for first, end in zip(limbs.first[limb].tolist(), limbs.first[limb + 1].tolist(), strict=True)
@@ -64,7 +65,7 @@ def solid_things(model: TreeModel) -> Solid:
     knot = np.array(starts, np.int64)
     return Solid(
         outlines=outlines,
-        leaf=chosen[chosen < n][: int(FEW * n)],
+        leaf=np.sort(chosen[chosen < n][: int(FEW * n)]),
         twig=np.stack([skeleton.position[limbs.node[knot]], skeleton.position[tip[limb]]], axis=1),
         radius=np.stack([skeleton.radius[limbs.node[knot + 1]], skeleton.radius[tip[limb]]], axis=1),
     )
@@ -93,12 +94,26 @@ def _lattice(n: int) -> NDArray[np.float64]:
 
 
 def _along(skeleton: Skeleton, apart: float) -> NDArray[np.float64]:
-    """Points (N, 3) along a skeleton, no further apart than so many metres."""
-    end, start = skeleton.position[1:], skeleton.position[skeleton.parent[1:]]
+    """Points (N, 3) along a skeleton, no further apart than so many metres, and around it where it is thick."""
+    start, end = skeleton.position[skeleton.parent[1:]], skeleton.position[1:]
     n = np.maximum(np.ceil(np.linalg.norm(end - start, axis=1) / apart).astype(np.int64), 1)
     edge = np.repeat(np.arange(len(n)), n)
     t = (1 + np.arange(len(edge)) - np.repeat(np.cumsum(n) - n, n))[:, None] / n[edge, None]
-    return np.concatenate([skeleton.position[:1], start[edge] + t * (end - start)[edge]])
+    axis = start[edge] + t * (end - start)[edge]
+    radius = skeleton.radius[1:][edge]
+    thick = np.flatnonzero(radius > THICK * apart)
+    ahead = unit(end - start)[edge[thick]]
+    aside = _aside(ahead)
+    turn = 2 * np.pi * np.arange(AROUND)[:, None, None] / AROUND
+    outward = np.cos(turn) * aside + np.sin(turn) * np.cross(ahead, aside)
+    around = axis[thick] + radius[thick, None] * outward
+    return np.concatenate([skeleton.position[:1], axis, around.reshape(-1, 3)])
+
+
+def _aside(ahead: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A unit vector across each of some (N, 3)."""
+    is_upright = np.abs(ahead[:, 1]) > 0.9
+    return unit(np.cross(ahead, np.where(is_upright[:, None], [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])))
 
 
 def straight_end(points: NDArray[np.float64], stray: float, longest: float) -> int:
@@ -121,8 +136,7 @@ def twig_wedges(solid: Solid, bark: Bark) -> Mesh:
     too thin to be seen. From one side the one edge is seen end-on, from another the other.
     """
     ahead = unit(solid.twig[:, 1] - solid.twig[:, 0])
-    upright = np.abs(ahead[:, 1:]) > 0.9
-    aside = unit(np.cross(ahead, np.where(upright[:, :1], [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])))
+    aside = _aside(ahead)
     outward = np.stack([aside, -aside, np.cross(ahead, aside), -np.cross(ahead, aside)], axis=1)
     end = [0, 0, 1, 1]
     points = solid.twig[:, end] + (np.pi / 2 * solid.radius)[:, end, None] * outward
