@@ -29,6 +29,7 @@ SHRINK = (1.0, 0.8, 0.6)  # a leaf that does not fit is tried again this much sm
 SHOWN = 0.3  # mean projected area of a leaf over its length squared: half as wide as long, in all attitudes
 USUAL = 1.5  # of the ground over the photo that a crown covers: its layers of leaves serve both
 WIDEST = 2.0  # times as many leaves, at most, for one that spreads wider
+MORE = 1.5  # times the leaves, at most, of a crown that has few
 FAR = 0.75  # lengths of a leaf: foliage farther from its twig takes a long-stalked leaf
 LEAST_GAIN = 0.25  # share of an aimed leaf that must cover open foliage
 HIDE_ROUNDS = 4  # at most, of leaves aimed at grown wood that shows where the photo shows none
@@ -53,6 +54,7 @@ class LeavesAlongBranches(Strategy):
     spacing: float = 0.5  # ours: and at least one leaf on so many lengths of a leaf of young wood
     fewest_per_branch: int = 50  # sec. 4
     most_per_branch: int = 200  # sec. 4
+    few: int = 15_000  # ours: so few leaves leave holes; up to half as many again close them, and cost little
     most: int = 300_000  # ours: no tree bears more leaves
     tries: int = 3  # ours, 1 to 3: how often a leaf that does not fit is tried again, smaller; sec. 4: once
     fill_rounds: int = 6  # ours: how often leaves are aimed at foliage that is open still
@@ -73,6 +75,7 @@ class LeavesAlongBranches(Strategy):
             "tries": 1,
             "per_node": 1,
             "fill_rounds": 0,
+            "few": 0,
             "most": 0,
         }
         for name, low in least.items():
@@ -131,6 +134,7 @@ class LeavesAlongBranches(Strategy):
                 / (SHOWN * crown.length**2)
             )
             n = max(n, float(wood.length.sum()) / (self.spacing * crown.length))
+            n = max(n, min(MORE * n, self.few))
         return float(min(n, self.most))
 
     def grow(self, stations: Stations, crown: Crown, *, rng: np.random.Generator) -> Placement:

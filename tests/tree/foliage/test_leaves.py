@@ -13,6 +13,7 @@ from forestgen.camera import Camera
 from forestgen.tree.atlas import LeafAtlasFromPhoto
 from forestgen.tree.foliage import LeavesAlongBranches
 from forestgen.tree.foliage_colour import prototype_lab
+from forestgen.tree.foliage_crown import Crown
 from forestgen.tree.foliage_fit import Placement, blade_samples, draw_wood, footprint, make_target
 from forestgen.tree.foliage_twigs import young_wood
 from forestgen.tree.leaf_scale import leaf_length
@@ -109,6 +110,15 @@ def test_the_paper_sizes_and_numbers_leaves_by_trunk_and_branch(skeleton: Skelet
 
 def test_no_more_leaves_than_allowed(skeleton: Skeleton, view: View, atlas: Atlas) -> None:
     assert len(grow(skeleton, view, atlas, most=100)) <= 115  # the number of a station is rounded by chance
+
+
+def test_few_leaves_become_half_as_many_again(skeleton: Skeleton, view: View, atlas: Atlas) -> None:
+    wood = young_wood(skeleton)
+    crown = Crown([view], skeleton, atlas, LeavesAlongBranches().length(skeleton, [view]))
+    plain = LeavesAlongBranches(few=0).number(wood, crown)
+    assert LeavesAlongBranches(few=int(10 * plain)).number(wood, crown) == pytest.approx(1.5 * plain)
+    assert LeavesAlongBranches(few=int(1.2 * plain)).number(wood, crown) == int(1.2 * plain)
+    assert LeavesAlongBranches(few=int(0.5 * plain)).number(wood, crown) == plain
 
 
 def test_a_bare_tree_bears_no_leaf(skeleton: Skeleton, atlas: Atlas) -> None:
