@@ -37,9 +37,6 @@ def dress(
 
     The leaf atlas as photographed is the model's own and not among them. Where `without_light`, leaves and
     cards have a second picture.
-
-    Raises:
-        RenderError: no OpenGL to draw with.
     """
     every = [full_level(model), *levels]
     worn: dict[Season, NDArray[np.uint8] | None] = {}  # leaf atlases of the seasons that differ; None is bare
@@ -91,25 +88,32 @@ def draw_pictures(
     """
     shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
     box = union([level_box(level) for level in (full_level(model), *levels)])
-    with ThreadPoolExecutor(1) as aside:  # most of both runs without Python's lock
+    leafy = [leaf for leaf in worn if leaf is not None]
+    with ThreadPoolExecutor(2) as aside:  # most of it runs without Python's lock
         sides = aside.submit(side_cards, shown, box, worn)
-        made = _foliage_pictures(model, plan, worn, without_light)
+        bare = aside.submit(_bare_pictures, model, plan if len(leafy) < len(worn) else None)
+        dressed = iter(_leafy_pictures(model, plan, leafy, without_light))
+        made = [dict(bare.result()) if leaf is None else next(dressed) for leaf in worn]
     for pictures, faces in zip(made, sides.result(), strict=True):
         pictures |= {card_name(face): image for face, image in faces.items()}
     return made
 
 
-def _foliage_pictures(
-    model: TreeModel, plan: CardPlan | None, worn: Sequence[NDArray[np.uint8] | None], without_light: bool
+def _bare_pictures(model: TreeModel, plan: CardPlan | None) -> Pictures:
+    """Cards of bare wood."""
+    return {} if plan is None else {CARDS: bake_cards(plan, model, None)}
+
+
+def _leafy_pictures(
+    model: TreeModel, plan: CardPlan | None, worn: Sequence[NDArray[np.uint8]], without_light: bool
 ) -> list[Pictures]:
     """Leaves and cards with each of some leaf atlases."""
     made: list[Pictures] = []
     for leaf in worn:
-        pictures: Pictures = {} if leaf is None else {LEAF: leaf}
+        pictures: Pictures = {LEAF: leaf}
         if plan is not None:
-            alpha = None if leaf is None or not made else _alpha(made[0][CARDS])
-            pictures[CARDS] = bake_cards(plan, model, leaf, alpha=alpha)
-        if without_light and leaf is not None:
+            pictures[CARDS] = bake_cards(plan, model, leaf, alpha=_alpha(made[0][CARDS]) if made else None)
+        if without_light:
             pictures[LEAF + DELIT] = delit(replace(model.atlas, rgba=leaf))
             if plan is not None:
                 pictures[CARDS + DELIT] = bake_cards(plan, model, pictures[LEAF + DELIT], alpha=_alpha(pictures[CARDS]))

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forestgen.errors import RenderError
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.model import TreeModel
 
@@ -23,10 +22,7 @@ class Finish:
 
 
 def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
-    """All that goes into a tree's asset beside the tree.
-
-    Cards are drawn: where OpenGL is missing there are none, no seasons either, and the user is told.
-    """
+    """All that goes into a tree's asset beside the tree. It needs no OpenGL."""
     from forestgen.dressing import dress
     from forestgen.render.cards import plan_cards
     from forestgen.tree.lod import LOD_STEPS, coarser_level
@@ -37,11 +33,7 @@ def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
     plan = plan_cards(model)
     cards = [plan.level(model)] if len(plan.mesh.faces) else []
     levels = coarsening(model, [*finer, *cards])
-    try:
-        pictures, seasons = dress(model, levels, plan, without_light=wanted.delit)
-    except RenderError as error:
-        told = (f"without cards and seasons, which are drawn: {error}",)
-        return Extras(coarsening(model, finer), openpbr=wanted.openpbr, wind=True, guides=True, notes=told)
+    pictures, seasons = dress(model, levels, plan, without_light=wanted.delit)
     return Extras(levels, pictures, seasons, openpbr=wanted.openpbr, wind=True, guides=True)
 
 

@@ -99,7 +99,7 @@ def _write_tree(model: TreeModel, folder: Path, extras: Extras) -> None:
     folder.mkdir(parents=True)
     write_tree_asset(model, folder, extras)
     write_cameras(model, folder)
-    write_provenance(replace(model, notes=(*model.notes, *extras.notes)), folder / "reference")
+    write_provenance(model, folder / "reference")
     for index, view in enumerate(model.views):
         write_reference(view, folder / "reference" / f"view_{index:02d}")
 

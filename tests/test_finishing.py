@@ -12,8 +12,6 @@ import pytest
 from numpy.testing import assert_array_equal
 from pxr import Sdf, UsdShade
 
-from forestgen import dressing
-from forestgen.errors import RenderError
 from forestgen.finishing import Finish, coarsening, finish
 from forestgen.reference import write_provenance
 from forestgen.tree.level import EMPTY_MESH, Level
@@ -28,8 +26,6 @@ from forestgen.usd.validate import validate_file
 from tests.small_scene import digests
 from tests.tree.skeletons import random_tree
 from tests.usd.models import tree_model
-
-pytestmark = pytest.mark.gl
 
 
 def leafy(*, n_leaves: int = 400, evergreen: bool = False) -> TreeModel:
@@ -182,18 +178,13 @@ def test_the_same_tree_gives_the_same_bytes(tree: Path, model: TreeModel, tmp_pa
     assert digests(tmp_path / "oak") == digests(tree)
 
 
-def test_without_opengl_there_are_levels_but_no_cards_and_a_note(
-    model: TreeModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise RenderError("no OpenGL")
-
-    monkeypatch.setattr(dressing, "bake_cards", fail)
-    extras = finish(model)
-    assert extras.notes == ("without cards and seasons, which are drawn: no OpenGL",)
-    assert not any(len(level.cards.faces) for level in extras.levels)
-    write_tree_asset(model, tmp_path / "oak", extras)
-    assert validate_file(tmp_path / "oak" / "oak.usda") == []
+def test_no_opengl_is_needed(model: TreeModel, extras: Extras, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("pyrender", "OpenGL", "pyglet"):
+        monkeypatch.setitem(sys.modules, module, None)
+    again = finish(model, Finish(delit=True, openpbr=True))
+    assert sorted(again.pictures) == sorted(extras.pictures)
+    for name, image in again.pictures.items():
+        assert_array_equal(image, extras.pictures[name], err_msg=name)
 
 
 def test_levels_that_are_no_coarser_are_left_out(model: TreeModel) -> None:

@@ -31,7 +31,6 @@ class Extras:
     openpbr: bool = False  # a second look of the materials
     wind: bool = False  # primvars for shaders that bend branches
     guides: bool = False  # the skeleton as curves and JSON, and capsules to collide with
-    notes: tuple[str, ...] = ()  # what could not be made, for the user
 
     def __post_init__(self) -> None:
         sizes = [level.switch_px for level in self.levels]
