@@ -57,7 +57,7 @@ class LeavesAlongBranches(Strategy):
     few: int = 15_000  # ours: so few leaves leave holes; up to half as many again close them, and cost little
     most: int = 300_000  # ours: no tree bears more leaves
     tries: int = 3  # ours, 1 to 3: how often a leaf that does not fit is tried again, smaller; sec. 4: once
-    fill_rounds: int = 6  # ours: how often leaves are aimed at foliage that is open still
+    fill_rounds: int = 9  # ours: how often leaves are aimed at foliage that is open still
     inside: float = 0.88  # sec. 4 keeps leaves "inside the foliage region"; the share of a leaf that must be
     divergence_deg: float = 137.5  # golden angle between successive leaves; 90 with two per node: opposite
     divergence_spread_deg: float = 17.0  # ours; sec. 4: "randomized", 360
