@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_fill_holes
 
 from forestgen.arrays import freeze
 from forestgen.camera import Camera
@@ -54,22 +53,28 @@ def outlines_of(
     Points belong to things `owner` (N,), or to none of interest where that is -1. The second answer (M,) counts the
     stretches of outlines along which a thing is the foremost.
     """
-    along = np.ascontiguousarray(points.T)
+    along = np.ascontiguousarray(points.T, np.float32)
     low, high = along.min(axis=1), along.max(axis=1)
     middle, scale = (low + high) / 2, CELLS / max(height, 1e-6)
+    along -= middle[:, None]
     width = int(np.ceil(np.linalg.norm(high - low) * scale + 2 * CLOSING * CELLS)) + 2 * ROOM
     beyond = np.empty((len(SIDES), width, width), np.float32)
     leads = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
     owned = np.flatnonzero(owner >= 0)
     for side in range(len(SIDES)):
-        across, down = _camera(side, width, scale).axes[:2] * [[scale], [-scale]]
-        column, row = ((axis @ along + (width / 2 - axis @ middle)).astype(np.int32) for axis in (across, down))
-        is_inside = _silhouette(row, column, width)
-        depth, nearest = _below(is_inside)
-        beyond[side] = cv2.distanceTransform((~is_inside).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) - depth
-        below = depth[row[owned], column[owned]]
-        near = owned[below <= REACH * CELLS]
-        leads[foremost(depth[row[near], column[near]], nearest[row[near], column[near]], owner[near])] += 1
+        axes = (_camera(side, width, scale).axes[:2] * [[scale], [-scale]]).astype(np.float32)
+        column, row = ((axis @ along + np.float32(width / 2)).astype(np.int32) for axis in axes)
+        inside = _silhouette(row, column, width)
+        depth, label = cv2.distanceTransformWithLabels(
+            inside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        beyond[side] = cv2.distanceTransform(1 - inside, cv2.DIST_L2, cv2.DIST_MASK_5) - depth
+        outside = np.argwhere(inside == 0)
+        nearest = np.zeros((int(label.max()) + 1, 2), np.int64)
+        nearest[label[outside[:, 0], outside[:, 1]]] = outside
+        near = owned[depth[row[owned], column[owned]] <= REACH * CELLS]
+        at = row[near], column[near]
+        leads[foremost(depth[at], nearest[label[at]], owner[near])] += 1
     return Outlines(middle, scale, beyond), leads
 
 
@@ -91,19 +96,11 @@ def _camera(side: int, width: int, cells_per_metre: float) -> Camera:
     return Camera((width, width), (width / 2, width / 2), cells_per_metre, *SIDES[side])
 
 
-def _silhouette(row: NDArray[np.int64], column: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
-    """The cells (W, W) that points fall on, with what lies between them."""
+def _silhouette(row: NDArray[np.int32], column: NDArray[np.int32], width: int) -> NDArray[np.uint8]:
+    """1 in the cells (W, W) that points fall on and what lies between them, 0 around."""
     mask = np.zeros((width, width), np.uint8)
     mask[row, column] = 1
-    return np.asarray(binary_fill_holes(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc(CLOSING * CELLS))), np.bool_)
-
-
-def _below(is_inside: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """How many cells each (W, W) lies inside, and row and column (W, W, 2) of the nearest that does not."""
-    depth, label = cv2.distanceTransformWithLabels(
-        is_inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    outside = np.argwhere(~is_inside)
-    at = np.zeros((int(label.max()) + 1, 2), np.int64)
-    at[label[outside[:, 0], outside[:, 1]]] = outside
-    return np.asarray(depth, np.float32), at[label]
+    closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc(CLOSING * CELLS))
+    around = closed.copy()
+    cv2.floodFill(around, None, (0, 0), 2)  # what is around reaches the corner: there is room
+    return np.asarray(around != 2, np.uint8)

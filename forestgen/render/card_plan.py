@@ -192,8 +192,9 @@ def _shares(
 ) -> NDArray[np.float32]:
     """How much of their coverage the cards' texels (side, side) are to show, by the shares (C,) of their cards.
 
-    More within `rim` metres of an outline, none further beyond one than BEYOND texels.
+    More within `rim` metres of an outline, none further beyond one than BEYOND texels, or half a cell of it.
     """
+    most = max(BEYOND / scale, 0.5 / outlines.cells_per_metre)
     found = np.ones((side, side), np.float32)
     for part, place, (left, top, width, height) in zip(share.tolist(), frame, cell.tolist(), strict=True):
         texel = np.array([[left, top], [left + 1, top], [left, top + 1]]) + 0.5
@@ -201,5 +202,5 @@ def _shares(
         corner = (flat - place[:3, 3]) @ np.linalg.inv(place[:3, :3]).T
         away = outlines.farthest_beyond(corner, (width, height))
         mine = np.where(away > -rim, part * RIM_SHARE, part)
-        found[top : top + height, left : left + width] = np.where(away * scale > BEYOND, 0, mine)
+        found[top : top + height, left : left + width] = np.where(away > most, 0, mine)
     return found
