@@ -18,7 +18,7 @@ from forestgen.tree.lod_prototypes import simpler
 from forestgen.tree.model import Bark, Mesh, TreeModel
 from forestgen.tree.places import leaf_matrices
 
-BLADE_TRIANGLES = 4  # of a leaf on a card, where it is a few texels long: 200,000 leaves take 11 s instead of 18
+BLADE_TRIANGLES = 4  # of a leaf on a card, where it is a few texels long
 FINER = 2  # px drawn a texel, both ways, each of four samples
 
 

@@ -199,6 +199,15 @@ def test_cut_outs_keep_the_area_of_noise(cover):
     assert (coverage > 0.5).mean() in (0, 1)
 
 
+@pytest.mark.parametrize("samples", [1, 4, 8])
+def test_what_all_cover_equally_little_stays_clear_and_what_is_full_shows(samples):
+    """Sixteen samples a texel make ties: all of them or none, and a sixteenth is nearer to none."""
+    coverage = np.full((32, 32), samples / 16, np.float32)
+    assert (cutout_alpha(coverage, coverage) < 0.5).all()
+    full = np.ones((32, 32), np.float32)
+    assert (cutout_alpha(full, full * np.float32(0.85)) >= 0.5).all()
+
+
 @pytest.mark.gl
 def test_plain_mip_levels_keep_the_cards_covered():
     """Averaged over 4 x 4 texels few leaves cover one half: a plain cut-out would lose most of the crown there."""
