@@ -201,7 +201,7 @@ def test_cut_outs_keep_the_area_of_noise(cover):
 
 @pytest.mark.parametrize("samples", [1, 4, 8])
 def test_what_all_cover_equally_little_stays_clear_and_what_is_full_shows(samples):
-    """Sixteen samples a texel make ties: all of them or none, and a sixteenth is nearer to none."""
+    """Sixteen samples a texel make ties: all of them show or none, and all would be too much."""
     coverage = np.full((32, 32), samples / 16, np.float32)
     assert (cutout_alpha(coverage, coverage) < 0.5).all()
     full = np.ones((32, 32), np.float32)
