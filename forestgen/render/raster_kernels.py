@@ -78,9 +78,8 @@ def cover(
 
 
 @nb.njit(cache=True, nogil=True)
-def interpolated(image: Array, u: float, v: float) -> Any:
-    """A repeating image (h, w) at a place, v upward."""
-    height, width = image.shape
+def texels_about(height: int, width: int, u: float, v: float) -> Any:
+    """The columns and rows of the four texels about a place of a repeating image, v upward, and where between them."""
     x, y = (u - np.floor(u)) * width - 0.5, (np.ceil(v) - v) * height - 0.5
     left, top = int(np.floor(x)), int(np.floor(y))
     x, y = x - left, y - top
@@ -93,6 +92,13 @@ def interpolated(image: Array, u: float, v: float) -> Any:
         top = height - 1
     if below >= height:
         below = 0
+    return left, right, top, below, x, y
+
+
+@nb.njit(cache=True, nogil=True)
+def interpolated(image: Array, u: float, v: float) -> Any:
+    """A repeating image (h, w) at a place, v upward."""
+    left, right, top, below, x, y = texels_about(image.shape[0], image.shape[1], u, v)
     upper = image[top, left] * (1.0 - x) + image[top, right] * x
     lower = image[below, left] * (1.0 - x) + image[below, right] * x
     return upper * (1.0 - y) + lower * y
@@ -153,18 +159,7 @@ def shade(
 @nb.njit(cache=True, nogil=True)
 def _add(texel: Array, start: int, height: int, width: int, u: float, v: float, weight: float, colour: Array) -> None:
     """Add a level of a repeating texture at a place, v upward, times a weight to a colour (4,)."""
-    x, y = (u - np.floor(u)) * width - 0.5, (np.ceil(v) - v) * height - 0.5
-    left, top = int(np.floor(x)), int(np.floor(y))
-    x, y = x - left, y - top
-    right, below = left + 1, top + 1
-    if left < 0:
-        left = width - 1
-    if right >= width:
-        right = 0
-    if top < 0:
-        top = height - 1
-    if below >= height:
-        below = 0
+    left, right, top, below, x, y = texels_about(height, width, u, v)
     top, below = start + top * width, start + below * width
     for k in range(3):
         upper = texel[top + left, k] * (1.0 - x) + texel[top + right, k] * x

@@ -115,7 +115,7 @@ def test_the_compiled_loops_give_what_plain_ones_give(monkeypatch):
     model = leafy_tree()
     camera = Camera((40, 36), (18.0, 35.0), 8.0, 0.7, 0.3)
     fast = pictures(of_tree(model), camera, [model.atlas.rgba, None])
-    for name in ("interpolated", "_add"):
+    for name in ("texels_about", "interpolated", "_add"):
         monkeypatch.setattr(raster_kernels, name, getattr(raster_kernels, name).py_func)
     for name in ("seen", "cover", "shade"):
         monkeypatch.setattr(f"forestgen.render.raster.{name}", getattr(raster_kernels, name).py_func)
