@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -19,7 +20,6 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from forestgen.camera import Camera
-from forestgen.tree.closing import close
 from forestgen.tree.density import DensityVolume
 from forestgen.tree.density_rays import Raster, rasterise
 
@@ -85,6 +85,18 @@ def _thin_or_half(share: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _is_end(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether something full lies on one side and nothing on the other: a rim, not a thin part."""
     return ((before >= 0.5) & (after < THIN)) | ((after >= 0.5) & (before < THIN))
+
+
+def close(mask: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
+    """A mask (H, W) closed by a disc, by OpenCV's rounded distances, which grow a little more than exact ones.
+
+    Exact ones (`closing.close`) cost two photos 0.004 of their outlines and of what lies between them.
+    """
+    margin = int(np.ceil(radius_px)) + 1
+    wide = np.pad(mask, margin).astype(np.uint8)
+    grown = cv2.distanceTransform(1 - wide, cv2.DIST_L2, 5) <= radius_px
+    closed = cv2.distanceTransform(grown.astype(np.uint8), cv2.DIST_L2, 5) > radius_px
+    return np.asarray((closed | (wide > 0))[margin:-margin, margin:-margin])
 
 
 def row_ellipses(inside: NDArray[np.bool_]) -> NDArray[np.float64]:

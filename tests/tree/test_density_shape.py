@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from forestgen.camera import Camera
-from forestgen.tree.density_shape import across_weights, is_one_sided, membrane, row_ellipses, row_share
+from forestgen.tree.density_shape import across_weights, close, is_one_sided, membrane, row_ellipses, row_share
 from tests.tree.solids import camera
 
 
@@ -27,6 +27,16 @@ def test_a_row_of_an_ellipse_falls_from_its_middle_to_its_ends() -> None:
 
 def test_shares_of_an_empty_row_are_nothing() -> None:
     assert_allclose(row_share(np.array([[1.0, 4.0], [0.0, 0.0]])), [[0.25, 1], [0, 0]])
+
+
+def test_closing_fills_gaps_narrower_than_the_disc_and_leaves_outlines() -> None:
+    mask = np.zeros((40, 60), bool)
+    mask[10:30, :20] = mask[10:30, 24:45] = True  # a gap of 4 px, and the photo's edge
+    closed = close(mask, 4.0)
+    assert closed[15:25, 20:24].all()
+    assert_allclose(closed[:, :20], mask[:, :20])
+    assert not closed[:, 45:].any()
+    assert not close(mask, 1.0)[:, 20:24].any()
 
 
 def radius_measured(cameras: list[Camera], azimuth: float) -> float:
