@@ -26,7 +26,7 @@ OUTER = 0.03  # of the tree's longest extent: what lies deeper inside never draw
 GRAIN = 0.01  # of the height: how far points that stand for a thing are apart; gaps of four times that are closed
 THICK = 0.1  # radius, over GRAIN, from which on wood is as wide as it is, AROUND points a ring
 AROUND = 8
-LENGTH = 1 / 20  # how much of a twig is solid, as a share of the height
+LENGTH = 1 / 12  # how much of a twig is solid, as a share of the height
 STRAIGHT = 1 / 250  # how far it may bend, likewise
 
 
