@@ -101,11 +101,13 @@ def print_table(rows: Sequence[dict[str, Any]]) -> None:
         )
         print("| " + " | ".join(cells) + " |")
     memory = max(row.get("check_gb", row["gb"]) for row in rows)
-    for what, key in (("by the clock", "wall"), ("of processor time", "cpu")):
-        worst = max(rows, key=lambda row: float(row[key]))
-        verdict = "within" if worst[key] <= BUDGET_S else "beyond"
-        print(f"\nphoto and strokes to written USD, {what}: {worst[key]:.1f} s at most ({worst['name']}),", end=" ")
-        print(f"{verdict} the {BUDGET_S:g} s of the budget")
+    whole = {row["name"]: row["wall"] for row in rows}
+    plain = {row["name"]: row["wall"] - row["seconds"]["levels"] for row in rows}
+    for what, seconds in (("--plain", plain), ("levels, cards and seasons included", whole)):
+        name = max(seconds, key=lambda name: float(seconds[name]))
+        within = sum(value <= BUDGET_S for value in seconds.values())
+        print(f"\nphoto and strokes to written USD, {what}: {seconds[name]:.1f} s at most ({name}),", end=" ")
+        print(f"{within} of {len(seconds)} within the {BUDGET_S:g} s of the budget")
     print(f"\nmemory: {memory:.2f} of {BUDGET_GB:g} GB; load of the machine {os.getloadavg()[0]:.1f}")
 
 

@@ -39,6 +39,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON and
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log every stage with its seconds.")]
 Delit = Annotated[bool, typer.Option("--delit", help="Add the variant light=delit: leaves without the photo's light.")]
 OpenPBR = Annotated[bool, typer.Option("--openpbr", help="Add the variant look=openpbr: leaves let light through.")]
+Plain = Annotated[bool, typer.Option("--plain", help="Leave out levels of detail, cards and seasons: half the time.")]
 Root = Annotated[Path | None, typer.Option(help="Folder that the manifest's paths may climb up to.")]
 
 GATE_FAILED, BAD_INPUT, NO_RENDERER, INTERRUPTED = 1, 2, 3, 130
@@ -56,6 +57,7 @@ def build(
     ] = "auto",
     delit: Delit = False,
     openpbr: OpenPBR = False,
+    plain: Plain = False,
     jobs: Jobs = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -73,7 +75,7 @@ def build(
             spec,
             out,
             instancing=instancing,
-            wanted=Finish(delit, openpbr),
+            wanted=Finish(delit, openpbr, plain),
             jobs=_n_workers(jobs),
             on_progress=on_progress,
         )
@@ -91,6 +93,7 @@ def tree(
     evergreen: Annotated[bool, typer.Option("--evergreen", help="It keeps its leaves green all year.")] = False,
     delit: Delit = False,
     openpbr: OpenPBR = False,
+    plain: Plain = False,
     quiet: Quiet = False,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -103,7 +106,7 @@ def tree(
 
     spec = single_tree_scene(photo, strokes, height=height, method=method, seed=seed, evergreen=evergreen)
     with _progress([one.name for one in spec.trees], quiet or as_json or verbose) as on_progress:
-        build_scene(spec, out, wanted=Finish(delit, openpbr), jobs=1, on_progress=on_progress)
+        build_scene(spec, out, wanted=Finish(delit, openpbr, plain), jobs=1, on_progress=on_progress)
     _finish([out], quiet, as_json)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forestgen.errors import InputError
 from forestgen.tree.level import Level, full_level
 from forestgen.tree.model import TreeModel
 
@@ -15,10 +16,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Finish:
-    """What a tree's asset holds only where it is asked for."""
+    """What a tree's asset holds only where it is asked for.
+
+    Raises:
+        InputError: leaves without the photo's light are asked for on a tree without the pictures that come with them.
+    """
 
     delit: bool = False  # variant set `light`: leaves without the photo's light
     openpbr: bool = False  # variant set `look`: validators that know no MaterialX report its nodes as unknown
+    plain: bool = (
+        False  # the tree with wind data and guides alone: no levels of detail, cards, seasons; in half the time
+    )
+
+    def __post_init__(self) -> None:
+        if self.plain and self.delit:
+            raise InputError("--plain leaves out the pictures that --delit asks for: give one of them")
 
 
 def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
@@ -29,6 +41,8 @@ def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
     from forestgen.usd.extras import Extras
 
     wanted = wanted or Finish()
+    if wanted.plain:
+        return Extras(openpbr=wanted.openpbr, wind=True, guides=True)
     finer = [coarser_level(model, step) for step in LOD_STEPS]
     plan = plan_cards(model)
     cards = [plan.level(model)] if len(plan.mesh.faces) else []

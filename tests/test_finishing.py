@@ -12,6 +12,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from pxr import Sdf, UsdShade
 
+from forestgen.errors import InputError
 from forestgen.finishing import Finish, coarsening, finish
 from forestgen.reference import write_provenance
 from forestgen.tree.level import EMPTY_MESH, Level
@@ -83,6 +84,20 @@ def picture(tree: Path, material: str, **variants: str) -> str:
     surface = UsdShade.Material(stage.GetPrimAtPath(f"/oak/mtl/{material}")).ComputeSurfaceSource()[0]
     source = surface.GetInput("diffuseColor").GetConnectedSources()[0][0].source
     return Path(UsdShade.Shader(source.GetPrim()).GetInput("file").Get().path).name
+
+
+def test_a_plain_tree_has_no_levels_and_no_pictures(model: TreeModel, tmp_path: Path) -> None:
+    write_tree_asset(model, tmp_path / "oak", finish(model, Finish(plain=True)))
+    stage = open_stage(tmp_path / "oak" / "oak.usda")
+    root = stage.GetDefaultPrim()
+    assert root.GetVariantSets().GetNames() == []
+    assert root.GetChild("guides")
+    assert root.GetChild("geo").GetChild("LOD0")
+    assert sorted(path.name for path in (tmp_path / "oak" / "textures").iterdir()) == ["bark.png", "leaf.png"]
+    assert len(read_levels(tmp_path / "oak")) == 1
+    assert validate_file(tmp_path / "oak" / "oak.usda") == []
+    with pytest.raises(InputError, match="give one of them"):
+        Finish(plain=True, delit=True)
 
 
 def test_no_variant_has_a_finding(tree: Path) -> None:
