@@ -45,11 +45,3 @@ def outward_mesh(*pieces: Piece) -> Mesh:
     facing = np.zeros_like(points)
     facing[faces] = np.where(is_behind[:, None], -ahead, ahead)[:, None]
     return Mesh(points, unit(unit(outward) + facing), uv, faces)
-
-
-def joined(first: Mesh, second: Mesh) -> Mesh:
-    """Both as one mesh."""
-    points, normals, uv = (
-        np.concatenate([getattr(mesh, name) for mesh in (first, second)]) for name in ("points", "normals", "uv")
-    )
-    return Mesh(points, normals, uv, np.concatenate([first.faces, second.faces + len(first.points)]))

@@ -18,10 +18,11 @@ from forestgen.arrays import freeze
 from forestgen.camera import Camera
 from forestgen.render.card_layout import groups
 from forestgen.render.card_leaves import FINER, LEAST, LeafStrips, leaf_strips, strip_pieces
-from forestgen.render.card_mesh import card_pieces, joined, outward_mesh
+from forestgen.render.card_mesh import card_pieces, outward_mesh
 from forestgen.render.card_outline import Outlines
 from forestgen.render.card_solid import solid_things, twig_wedges
 from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
+from forestgen.tree.joined import joined
 from forestgen.tree.level import NO_LEAVES, Level
 from forestgen.tree.model import Mesh, TreeModel
 from forestgen.tree.places import leaf_matrices
@@ -107,7 +108,7 @@ def plan_cards(model: TreeModel, *, n_slabs: int | None = None, n_cards: int = N
     frame = _frames(box, axes, cell, scale, side)
     return CardPlan(
         mesh=outward_mesh(card_pieces(box, axes, cell, scale, side), strip_pieces(strips, strip_cell, side)),
-        wood=joined(coarse_wood(model, thick), twig_wedges(solid, model.bark)),
+        wood=joined([coarse_wood(model, thick), twig_wedges(solid, model.bark)]),
         side=side,
         px_per_metre=scale,
         frame=frame,

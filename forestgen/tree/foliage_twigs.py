@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.camera import Camera
-from forestgen.tree.skeleton import Skeleton, height_above_tips, path_length
+from forestgen.tree.skeleton import Skeleton, height_above_tips, last_tip, path_length
 
 YOUNG = 0.06  # share of the tree's height: wood nearer to a tip than this is young and bears leaves
 SLENDER = 0.05  # share of the trunk's radius below which wood is young however far the tip is
@@ -67,18 +67,6 @@ def young_wood(skeleton: Skeleton) -> YoungWood:
     return YoungWood(
         start, end, radius[node], path_length(position, parent)[parent[node]], weight, last_tip(position, parent)[node]
     )
-
-
-def last_tip(position: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The tip (N,) at the end of the longest way from each node: it names the branch that passes there."""
-    reach = height_above_tips(position, parent)
-    step = np.zeros(len(parent))
-    step[1:] = np.linalg.norm(position[1:] - position[parent[1:]], axis=1)
-    tip = np.arange(len(parent))
-    for node in range(len(parent) - 1, 0, -1):
-        if reach[node] + step[node] == reach[parent[node]]:
-            tip[parent[node]] = tip[node]
-    return tip
 
 
 def crowding(point: NDArray[np.float64], length: NDArray[np.float64], cell: float) -> NDArray[np.float64]:

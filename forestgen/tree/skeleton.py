@@ -90,3 +90,15 @@ class Skeleton:
 
     def __len__(self) -> int:
         return len(self.parent)
+
+
+def last_tip(position: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The tip (N,) at the end of the longest way from each node: it names the branch that passes there."""
+    reach = height_above_tips(position, parent)
+    step = np.zeros(len(parent))
+    step[1:] = np.linalg.norm(position[1:] - position[parent[1:]], axis=1)
+    tip = np.arange(len(parent))
+    for node in range(len(parent) - 1, 0, -1):
+        if reach[node] + step[node] == reach[parent[node]]:
+            tip[parent[node]] = tip[node]
+    return tip

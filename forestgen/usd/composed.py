@@ -11,8 +11,9 @@ from pxr import Sdf, Usd, UsdShade
 
 from forestgen.errors import InputError
 from forestgen.render.drawable import Drawable
+from forestgen.tree.joined import joined
 from forestgen.tree.model import Mesh
-from forestgen.usd.flatten import flattened, joined
+from forestgen.usd.flatten import flattened
 from forestgen.usd.layers import open_stage
 from forestgen.usd.read import stage_drawables
 from forestgen.usd.variants import ALL, LOD_SET, level_name

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.render.drawable import Drawable
+from forestgen.tree.joined import joined
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh, vertex_normals
 from forestgen.tree.places import leaf_matrices
 
@@ -60,20 +61,3 @@ def cofactors(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     a, b, c = np.moveaxis(matrix, -1, 0)  # columns (K, 3)
     turned = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-1)
     return np.where(np.linalg.det(matrix)[:, None, None] < 0, -turned, turned)
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Meshes one after the other as one mesh.
-
-    Raises:
-        ValueError: there is none.
-    """
-    if not meshes:
-        raise ValueError("no mesh to join")
-    first = np.cumsum([0] + [len(mesh.points) for mesh in meshes[:-1]])
-    return Mesh(
-        points=np.concatenate([mesh.points for mesh in meshes]),
-        normals=np.concatenate([mesh.normals for mesh in meshes]),
-        uv=np.concatenate([mesh.uv for mesh in meshes]),
-        faces=np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=True)]),
-    )

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from forestgen.tree.joined import joined
 from forestgen.tree.model import Mesh
 from forestgen.usd.component import define_component, take_materials
 from forestgen.usd.composed import Composed, Part
 from forestgen.usd.flat_wind import author_flat_wind
-from forestgen.usd.flatten import joined
 from forestgen.usd.geometry import Box, bind, define_mesh, union, vec3f
 from forestgen.usd.layers import new_stage, save
 from forestgen.usd.variants import LOD_SET, level_name

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from forestgen.render.drawable import Drawable
-from forestgen.usd.flatten import cofactors, flattened, joined
+from forestgen.tree.joined import joined
+from forestgen.usd.flatten import cofactors, flattened
 from tests.usd.models import box_mesh
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.grow.crown_volume import CrownVolume
-from forestgen.tree.skeleton import height_above_tips, main_child
+from forestgen.tree.skeleton import last_tip
 
 ALONG = np.tan(np.deg2rad(35))  # of its way to or from the camera, that a bough along the line of sight goes sideways
 UNEVEN = 0.12  # standard deviation of the rise over the reach from bough to bough
@@ -45,7 +45,7 @@ def rising(
     """
     camera = volume.cameras[0]
     bough = _boughs(position, parent, n_fixed, boughs.stem)
-    tip = _last(main_child(height_above_tips(position, parent), parent))
+    tip = last_tip(position, parent)
     place, stays = position.copy(), np.ones(len(parent), bool)
     for first in np.unique(bough[bough >= 0]).tolist():
         foot = position[parent[first]]
@@ -83,12 +83,3 @@ def _boughs(
         if not is_stem[node]:
             bough[node] = node if is_stem[above] else bough[above]
     return bough
-
-
-def _last(child: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The tip (N,) that each node's branch leads to."""
-    tip = np.arange(len(child))
-    for node in range(len(child) - 1, -1, -1):
-        if child[node] >= 0:
-            tip[node] = tip[child[node]]
-    return tip

@@ -15,7 +15,7 @@ from forestgen.tree.segment.bare import is_bare_crown
 from forestgen.tree.segment.contrast import Evidence, contrast_inside_and_ring
 from forestgen.tree.segment.green_red import green_or_red_clusters
 from forestgen.tree.segment.min_cut import min_cut
-from forestgen.tree.segment.neighbours import neighbours_trunks
+from forestgen.tree.segment.neighbours import without_neighbours
 from forestgen.tree.segment.open_sky import without_sky
 from forestgen.tree.segment.region import Region, bounding, look_at
 from forestgen.tree.segment.smoothness import edge_costs
@@ -54,8 +54,7 @@ class GraphCutFoliage(Strategy):
             is_wood = is_tree | limbs.is_limb
         else:
             is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
-            foreign = neighbours_trunks(region, is_wood, limbs)
-            is_tree, is_wood = is_tree & ~foreign, is_wood & ~foreign
+            is_tree, is_wood = without_neighbours(region, is_tree, is_wood, limbs)
         leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
         if self.rule == "contrast":
             leaf = np.where(limbs.is_limb, leaf, without_sky(region, leaf, wood))

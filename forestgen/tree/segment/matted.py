@@ -13,7 +13,7 @@ from forestgen.tree.mattes import Mattes
 from forestgen.tree.photo import Photo
 from forestgen.tree.segment.bare import is_bare_crown
 from forestgen.tree.segment.contrast import contrast_inside_and_ring
-from forestgen.tree.segment.neighbours import neighbours_trunks
+from forestgen.tree.segment.neighbours import without_neighbours
 from forestgen.tree.segment.open_sky import without_sky
 from forestgen.tree.segment.region import Region, look_at
 from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
@@ -54,8 +54,7 @@ def matted(
         is_wood = is_tree | limbs.is_limb
     else:
         is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
-        foreign = neighbours_trunks(region, is_wood, limbs)
-        is_tree, is_wood = is_tree & ~foreign, is_wood & ~foreign
+        is_tree, is_wood = without_neighbours(region, is_tree, is_wood, limbs)
     if not (is_tree | is_wood).any():
         raise _nothing(photo)
     alpha = tree_alpha(region, is_tree | is_wood, is_wood, limbs, band, solve)

@@ -18,6 +18,14 @@ IN_LINE = 1.2  # half-widths of a trunk from its axis: what stands there is a pa
 AS_THICK = 0.7  # the foot's width over that of the whole: trunks come in thick, twigs leave thin
 
 
+def without_neighbours(
+    region: Region, is_tree: NDArray[np.bool_], is_wood: NDArray[np.bool_], limbs: Limbs
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """What is tree and what is wood (h, w), but for the trunks of neighbours."""
+    own = ~neighbours_trunks(region, is_wood, limbs)
+    return is_tree & own, is_wood & own
+
+
 def neighbours_trunks(region: Region, is_wood: NDArray[np.bool_], limbs: Limbs) -> NDArray[np.bool_]:
     """Pixels (h, w) of the wood that belong to a neighbour's trunk.
 

@@ -16,14 +16,13 @@ from forestgen.tree.foliage_poses import frames, normals_across, quaternions
 from forestgen.tree.foliage_twigs import (
     YoungWood,
     crowding,
-    last_tip,
     place_stations,
     spread_from_above,
     young_wood,
 )
 from forestgen.tree.foliage_unmixing import pure_foliage
 from forestgen.tree.model import Atlas, LeafPrototype, Leaves
-from forestgen.tree.skeleton import Skeleton
+from forestgen.tree.skeleton import Skeleton, last_tip
 from forestgen.tree.view import View
 from tests.tree.foliage.crown import grow, rotation
 
