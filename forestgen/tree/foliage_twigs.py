@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.camera import Camera
-from forestgen.tree.skeleton import Skeleton, height_above_tips, last_tip, path_length
+from forestgen.tree.skeleton import Skeleton, height_above_tips, last_tip, main_child, path_length
 
 YOUNG = 0.06  # share of the tree's height: wood nearer to a tip than this is young and bears leaves
 SLENDER = 0.05  # share of the trunk's radius below which wood is young however far the tip is
@@ -64,9 +64,9 @@ def young_wood(skeleton: Skeleton) -> YoungWood:
     length = np.linalg.norm(end - start, axis=1)
     near_tip = 1 + TIP_GAIN * np.exp(-reach[node] / (0.3 * YOUNG * tall))
     weight = length * near_tip / crowding(start + (end - start) / 2, length, CELL * tall) ** EVEN
-    return YoungWood(
-        start, end, radius[node], path_length(position, parent)[parent[node]], weight, last_tip(position, parent)[node]
-    )
+    step = np.linalg.norm(position - position[np.maximum(parent, 0)], axis=1)
+    tip = last_tip(main_child(reach + step, parent))
+    return YoungWood(start, end, radius[node], path_length(position, parent)[parent[node]], weight, tip[node])
 
 
 def crowding(point: NDArray[np.float64], length: NDArray[np.float64], cell: float) -> NDArray[np.float64]:

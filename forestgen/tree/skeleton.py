@@ -51,6 +51,15 @@ def main_child(weight: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArra
     return best
 
 
+def last_tip(continues: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The tip (N,) that the branch through each node ends in; `continues` (N,) is from `main_child`."""
+    tip = np.arange(len(continues))
+    for node in range(len(tip) - 1, -1, -1):
+        if continues[node] >= 0:
+            tip[node] = tip[continues[node]]
+    return tip
+
+
 def branch_order(parent: NDArray[np.int64], continues: NDArray[np.int64]) -> NDArray[np.int64]:
     """Generation of the branch that each node belongs to (N,): trunk 0, its side branches 1, ...
 
@@ -90,15 +99,3 @@ class Skeleton:
 
     def __len__(self) -> int:
         return len(self.parent)
-
-
-def last_tip(position: NDArray[np.float64], parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The tip (N,) at the end of the longest way from each node: it names the branch that passes there."""
-    reach = height_above_tips(position, parent)
-    step = np.zeros(len(parent))
-    step[1:] = np.linalg.norm(position[1:] - position[parent[1:]], axis=1)
-    tip = np.arange(len(parent))
-    for node in range(len(parent) - 1, 0, -1):
-        if reach[node] + step[node] == reach[parent[node]]:
-            tip[parent[node]] = tip[node]
-    return tip

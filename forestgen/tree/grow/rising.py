@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.tree.grow.crown_volume import CrownVolume
-from forestgen.tree.skeleton import last_tip
+from forestgen.tree.skeleton import height_above_tips, last_tip, main_child
 
 ALONG = np.tan(np.deg2rad(35))  # of its way to or from the camera, that a bough along the line of sight goes sideways
 UNEVEN = 0.12  # standard deviation of the rise over the reach from bough to bough
@@ -45,7 +45,7 @@ def rising(
     """
     camera = volume.cameras[0]
     bough = _boughs(position, parent, n_fixed, boughs.stem)
-    tip = last_tip(position, parent)
+    tip = last_tip(main_child(height_above_tips(position, parent), parent))
     place, stays = position.copy(), np.ones(len(parent), bool)
     for first in np.unique(bough[bough >= 0]).tolist():
         foot = position[parent[first]]

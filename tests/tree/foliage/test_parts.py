@@ -22,7 +22,7 @@ from forestgen.tree.foliage_twigs import (
 )
 from forestgen.tree.foliage_unmixing import pure_foliage
 from forestgen.tree.model import Atlas, LeafPrototype, Leaves
-from forestgen.tree.skeleton import Skeleton, last_tip
+from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 from tests.tree.foliage.crown import grow, rotation
 
@@ -145,7 +145,8 @@ def test_branches_are_named_by_their_farthest_tip() -> None:
     #   1
     #   0
     position = np.array([[0, 0, 0], [0, 1, 0], [-1, 2, 0], [-1, 3, 0], [0.5, 1.5, 0]], float)
-    assert last_tip(position, np.array([-1, 0, 1, 2, 1])).tolist() == [3, 3, 3, 3, 4]
+    slender = Skeleton(position, np.array([-1, 0, 1, 2, 1]), np.array([1, 0.01, 0.01, 0.01, 0.01]))
+    assert young_wood(slender).branch.tolist() == [3, 3, 3, 4]
 
 
 def test_crowding_counts_the_wood_of_a_cell() -> None:
