@@ -58,7 +58,7 @@ def slender_unseen(
     if not (slender > 0 and unknown.any()):
         return radius
     may_thin = unknown & (radius <= slender * radius[0])
-    return thinned(radius, np.where(may_thin, unseen_radius(skeleton, views), np.inf), skeleton.parent)
+    return thinned(radius, np.where(may_thin, unseen_radius(skeleton, views, radius), np.inf), skeleton.parent)
 
 
 def trunk_radius(skeleton: Skeleton) -> float:

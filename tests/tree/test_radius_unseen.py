@@ -48,10 +48,20 @@ def skeleton_of(view: View) -> Skeleton:
 
 def test_only_what_lies_before_the_sky_is_bounded() -> None:
     view = drawn_view()
-    most = unseen_radius(skeleton_of(view), [view])
+    slim = np.full(6, 0.1)  # a pixel to either side
+    most = unseen_radius(skeleton_of(view), [view], slim)
     assert_allclose(most[[2, 3]], UNSEEN_PX / PX)
     assert np.isinf(most[[0, 1, 4, 5]]).all()  # the trunk's matte is narrower than its trace: no sky there
-    assert np.isinf(unseen_radius(skeleton_of(view), [])).all()
+    assert np.isinf(unseen_radius(skeleton_of(view), [], slim)).all()
+
+
+def test_wood_at_the_rim_of_the_foliage_must_not_stand_out_over_the_sky() -> None:
+    view = drawn_view()
+    along_the_rim = np.array([[50, 100], [60, 39], [90, 39]], float)  # foliage ends at row 40
+    skeleton = Skeleton(view.camera.unproject(along_the_rim, 0.0), np.array([-1, 0, 1]), np.full(3, np.nan))
+    radius = np.array([0.1, 0.1, 0.1])
+    assert np.isinf(unseen_radius(skeleton, [view], 0.5 * radius)[2])  # half a pixel: it stays over the leaves
+    assert_allclose(unseen_radius(skeleton, [view], 2 * radius)[2], UNSEEN_PX / PX)
 
 
 def test_thin_wood_before_the_sky_is_too_thin_to_show_and_thick_wood_stays() -> None:

@@ -25,7 +25,7 @@ from forestgen.tree.strokes import fill_outline
 from forestgen.tree.view import View
 
 CLOSE = 0.02  # radius of the disc that closes a silhouette to its envelope, share of the height (as the measures do)
-PASS = 0.003  # radius of the sky gaps that wood may pass over
+PASS = 0.0015  # radius of the sky gaps that wood may pass over
 CROSS = 0.012  # and of those that it may cross where there is no other way to a leaf mass, and on a bare tree
 LEAFY = 0.004  # radius of the gaps between leaves that count as foliage
 MARGIN = 0.003  # a twig ends this much inside the foliage, so that its leaf fits

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
-from forestgen.tree.colour_model import ENOUGH_SAMPLES, Mixture, component_distance, fit_mixture
+from forestgen.tree.colour_model import Mixture
 from forestgen.tree.segment.line_search import on_lines
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.min_cut import min_cut
@@ -17,24 +16,25 @@ from forestgen.tree.segment.region import Region, bounding
 from forestgen.tree.segment.ribbon import CLEAR, Ribbon, follow_limb, stations
 from forestgen.tree.segment.smoothness import edge_costs
 from forestgen.tree.segment.soft_edge import FLECK, soften, without_flecks
+from forestgen.tree.segment.wood_colours import (
+    ELSEWHERE,
+    bark_colours,
+    colours_under_strokes,
+    distinct_colours,
+    leaf_colours,
+)
 from forestgen.tree.strokes import Strokes
 
-WOOD_COLOURS = 5  # Gaussians for wood (Tan et al. 2008, sec. 2)
-LEAF_COLOURS = 8  # Gaussians for what else the crown shows
-TOO_NEAR = 0.1  # Bhattacharyya distance at which a wood cluster counts as a leaf cluster and is dropped (sec. 2)
 TRUNK_REACH, LIMB_REACH = 0.12, 0.06  # how far from its stroke a limb's edge is looked for, in crown sizes
-UNDER_STROKE, UNDER_LEAVES, ELSEWHERE = 1.0, 0.0, -1.0  # log odds of wood: on a limb, a hidden one, off the limbs
-ROUNDS = 2  # of refitting the leaf colours to what is not wood
+UNDER_STROKE, UNDER_LEAVES = 1.0, 0.0  # log odds of wood: on a limb, on a hidden one
 CLIP = 6.0  # nats that one pixel's colour can say at most
 SMOOTH, GUARD = 4.0, 8.0  # as lambda and guard of the foliage cut: limbs are larger than leaves
-AMONG_LEAVES = 0.3  # what pixels of a stroked limb in the crown count for the wood's colours: leaves hide it
 BESIDE = -0.5  # log odds of wood between trunk and crown, off the strokes
 LONG = 6.0  # area over squared half width from which a patch is a limb: a bar six half widths long has 12, a disc 3
 STRAIGHT = 0.5  # how far a limb's edges run one way (1: parallel)
 STRAIGHT_DETAIL = (1.5, 5.0)  # sigmas in px at which that is seen, of patches that are wider
 FAINT = -50.0  # nats, for what is out of the question
 SPECK = 3e-5  # of the crown's area: smaller patches of wood off the stroked limbs are shade between leaves
-ENOUGH = 200  # px of plain trunk below the crown that suffice to learn its colours from
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def follow_limbs(region: Region, strokes: Strokes, *, rng: np.random.Generator) 
         ribbons.append(ribbon)
     cover[max(int(np.ceil(region.local(strokes.root)[1])), 0) :] = 0
     is_clear = (clear >= 0.5) & (cover >= 0.5)
-    return Limbs(tuple(ribbons), cover, is_clear, fork_zone(region, strokes), _wood_colours(region, cover, rng))
+    return Limbs(tuple(ribbons), cover, is_clear, fork_zone(region, strokes), colours_under_strokes(region, cover, rng))
 
 
 def bare_share(region: Region, path: NDArray[np.float64]) -> float:
@@ -97,16 +97,6 @@ def fork_zone(region: Region, strokes: Strokes) -> NDArray[np.bool_]:
     return np.asarray(zone & ~region.is_inside)
 
 
-def _wood_colours(region: Region, cover: NDArray[np.float32], rng: np.random.Generator) -> Mixture | None:
-    """Colours under the ribbons: those of the plain trunk below the crown count more than those among leaves."""
-    plain = cover > 0.9
-    if not plain.any():
-        return None
-    below = ~region.is_inside[plain]
-    weight = np.where(below | (below.sum() < ENOUGH), 1.0, AMONG_LEAVES)
-    return fit_mixture(region.rgb[plain], WOOD_COLOURS, rng=rng, weight=weight)
-
-
 def find_wood(
     region: Region,
     is_tree: NDArray[np.bool_],
@@ -125,15 +115,15 @@ def find_wood(
     inside, beside = region.is_inside, limbs.is_fork_zone
     says = np.full(inside.shape, -CLIP, np.float32)
     says[beside] = limbs.colours.log_density(region.rgb[beside]) - log_background[beside] + BESIDE
-    leaf = _leaf_colours(region, is_tree, limbs, rng)
+    leaf = leaf_colours(region, is_tree, limbs.cover, limbs.colours, rng)
+    bark = bark_colours(region, is_tree, limbs.cover, limbs.colours, rng)
     wood = distinct_colours(limbs.colours, leaf)
     rgb, on_limb = region.rgb[inside], limbs.is_limb[inside]
     other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
-    hidden = np.where(on_limb, UNDER_LEAVES, ELSEWHERE)
+    like_bark = bark.log_density(rgb)
     off_limb = np.full(len(rgb), FAINT, np.float32) if wood is None else wood.log_density(rgb)
-    like_limbs = limbs.colours.log_density(rgb)
-    colour = np.where(on_limb, like_limbs, off_limb)
-    says[inside] = colour - other + np.where(limbs.is_clear[inside], UNDER_STROKE, hidden)
+    place = np.where(limbs.is_clear[inside], UNDER_STROKE, np.where(on_limb, UNDER_LEAVES, ELSEWHERE))
+    says[inside] = np.where(on_limb, like_bark, off_limb) - other + place
     ribbon = limbs.is_limb & ~inside
     says[ribbon] = CLIP
     window = bounding(inside | beside | ribbon)
@@ -141,30 +131,9 @@ def find_wood(
     found = np.zeros_like(inside)
     found[window] = min_cut(np.maximum(-votes, 0), np.maximum(votes, 0), *edge_costs(region.rgb[window], SMOOTH, GUARD))
     on_line = np.full(inside.shape, -CLIP, np.float32)
-    on_line[inside] = like_limbs - other
+    on_line[inside] = np.where(on_limb, like_bark, limbs.colours.log_density(rgb)) - other
     lines = on_lines(on_line, is_tree, region.size_px)
     return ribbon | _like_limbs(found & inside, region, limbs) | lines | _forks(found & beside, ribbon, is_tree)
-
-
-def _leaf_colours(region: Region, is_tree: NDArray[np.bool_], limbs: Limbs, rng: np.random.Generator) -> Mixture | None:
-    """Colours of the crown's tree pixels off the stroked limbs, as far as they are not the wood's; None if too few."""
-    crown = region.rgb[is_tree & region.is_inside & (limbs.cover < 0.1)]
-    if limbs.colours is None or len(crown) < 50:
-        return None
-    crown = crown[rng.integers(len(crown), size=min(len(crown), ENOUGH_SAMPLES))]
-    leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng)
-    for _ in range(ROUNDS):
-        is_leaf = expit(leaf.log_density(crown) - limbs.colours.log_density(crown) - ELSEWHERE)
-        leaf = fit_mixture(crown, LEAF_COLOURS, rng=rng, weight=is_leaf, start=leaf)
-    return leaf
-
-
-def distinct_colours(wood: Mixture | None, leaf: Mixture | None) -> Mixture | None:
-    """The wood's mixture without the clusters too near a leaf's (Tan et al. 2008, sec. 2); None if none is left."""
-    if wood is None or leaf is None:
-        return wood
-    is_distinct = component_distance(wood, leaf).min(axis=1) > TOO_NEAR
-    return wood.subset(is_distinct) if is_distinct.any() else None
 
 
 def _like_limbs(found: NDArray[np.bool_], region: Region, limbs: Limbs) -> NDArray[np.bool_]:

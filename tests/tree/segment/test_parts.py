@@ -13,7 +13,7 @@ from forestgen.tree.segment.green_red import most_green_or_red, split_clusters
 from forestgen.tree.segment.lines import edge_directions
 from forestgen.tree.segment.region import bounding, dilations_px, look_at
 from forestgen.tree.segment.soft_edge import soften, without_strays
-from forestgen.tree.segment.wood import distinct_colours, follow_limbs, share_out
+from forestgen.tree.segment.wood import follow_limbs, share_out
 from tests.tree.segment import scenes
 
 
@@ -100,18 +100,6 @@ def test_background_follows_the_place() -> None:
     assert gain[4:32, 20:40].mean() > 2
     assert gain[48:76, 20:40].mean() > 2
     assert np.isfinite(field.log_density(np.zeros_like(rgb))).all()
-
-
-def test_wood_clusters_near_leaf_clusters_are_dropped() -> None:
-    spread = np.tile(0.002 * np.eye(3), (2, 1, 1))
-    wood = Mixture(np.array([0.5, 0.5]), np.array([[0.4, 0.3, 0.2], [0.2, 0.4, 0.1]]), spread)
-    leaf = Mixture(np.ones(1), np.array([[0.2, 0.41, 0.1]]), spread[:1])
-    kept = distinct_colours(wood, leaf)
-    assert kept is not None
-    assert_array_equal(kept.mean, wood.mean[:1])
-    assert distinct_colours(wood.subset(np.array([1])), leaf) is None
-    assert distinct_colours(None, leaf) is None
-    assert distinct_colours(wood, None) is wood
 
 
 def test_sharing_out_leaves_no_seam() -> None:
