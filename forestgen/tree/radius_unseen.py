@@ -21,11 +21,12 @@ SHIFT = 4  # binary digits of a pixel that lines are drawn to
 def unseen_radius(skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.float64]) -> NDArray[np.float64]:
     """The greatest radius (N,), metres, of the segment to each node; inf where no photo bounds it.
 
-    `radius` (N,) is what it would have, metres: wood at the rim of a gap must not stand out over the gap.
+    `radius` (N,) is what it would have, metres: wood at the rim of a gap among leaves must not stand out over
+    the gap. On a bare tree all wood is a rim.
     """
     most = np.full(len(skeleton), np.inf)
     for view in views:
-        over = share_over(skeleton, view, empty_part(view), radius)
+        over = share_over(skeleton, view, empty_part(view), np.zeros_like(radius) if view.mattes.is_bare else radius)
         bound = UNSEEN_PX / view.camera.px_per_metre
         most = np.where(over >= OVER, np.minimum(most, bound), most)
     return most
