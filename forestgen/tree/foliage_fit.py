@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from forestgen.tree.foliage_kernels import look_up
 from forestgen.tree.leaf_scale import height_px
 from forestgen.tree.model import Atlas
 from forestgen.tree.skeleton import Skeleton
 from forestgen.tree.view import View
 
-CHUNK = 400_000  # sample points looked up at a time: bounds the memory to some 30 MB
 GAP = 0.005  # share of the tree's height: grown wood this near to foliage, in its small gaps, may be hidden by leaves
 THICK_PX = 0.5  # wood of at least this radius in the photo hides a leaf behind it
 
@@ -143,30 +143,28 @@ class Footprint:
 def footprint(target: Target, leaves: Placement, samples: NDArray[np.float64]) -> Footprint:
     """Look leaves up in a view. The projection of one leaf is taken as affine: exact without a focal length."""
     camera = target.view.camera
-    height, width = target.is_foliage.shape
-    n, per = len(leaves), samples.shape[1]
+    n = len(leaves)
     axis = leaves.rotation * leaves.size[:, None, None]
     ends = leaves.position[:, None] + np.swapaxes(axis, 1, 2)
     base = camera.project(leaves.position)
     step = camera.project(ends.reshape(-1, 3)).reshape(n, 3, 2) - base[:, None]
     toward = np.einsum("lik,i->lk", axis, camera.axes[2])
-    depth = camera.depth(leaves.position)
-    inside, gain = np.zeros(n), np.zeros(n)
-    pixel = np.empty((n, per), np.int64)
-    foliage, is_open, wood = target.is_foliage.ravel(), target.open.ravel(), target.wood_depth.ravel()
-    rows = max(1, CHUNK // per)
-    for a in range(0, n, rows):
-        part = slice(a, a + rows)
-        local = samples[leaves.prototype[part]]
-        xy = np.matmul(local, step[part]) + base[part, None]
-        column, row = np.floor(xy[..., 0]).astype(np.int64), np.floor(xy[..., 1]).astype(np.int64)
-        framed = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        flat = np.where(framed, row * width + column, 0)
-        far = np.matmul(local, toward[part][..., None])[..., 0] + depth[part, None]
-        hidden = far < wood[flat]
-        inside[part] = (framed & (foliage[flat] | hidden)).mean(axis=1)
-        gain[part] = (framed & is_open[flat] & ~hidden).mean(axis=1)
-        pixel[part] = np.where(framed & ~hidden, flat, -1)
+    inside, gain = np.empty(n), np.empty(n)
+    pixel = np.empty((n, samples.shape[1]), np.int64)
+    look_up(
+        samples,
+        leaves.prototype,
+        base,
+        step,
+        camera.depth(leaves.position),
+        toward,
+        target.is_foliage,
+        target.open,
+        target.wood_depth,
+        inside,
+        gain,
+        pixel,
+    )
     return Footprint(inside, gain, pixel)
 
 
