@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from forestgen.tree.foliage_colour import colours_at, facing, nearest_prototype
 from forestgen.tree.foliage_crown import Crown
-from forestgen.tree.foliage_fill import aim_at_open
+from forestgen.tree.foliage_fill import Feet, aim_at_open
 from forestgen.tree.foliage_fit import Placement, join
 from forestgen.tree.foliage_poses import frames, leaf_axes, light_normals, quaternions
 from forestgen.tree.foliage_twigs import Stations, YoungWood, place_stations, spread_from_above, young_wood
@@ -102,11 +102,12 @@ class LeavesAlongBranches(Strategy):
             rng=rng,
         )
         kept = [self.grow(stations, crown, rng=rng)]
+        feet = [Feet.of(wood, target, crown.length) for target in crown.targets]
         for _ in range(self.fill_rounds):
-            kept.append(self.fill(wood, crown, self.most - sum(len(part) for part in kept), rng=rng))
+            kept.append(self.fill(feet, crown, self.most - sum(len(part) for part in kept), rng=rng))
         for _ in range(min(self.fill_rounds, HIDE_ROUNDS)):
             room = self.most - sum(len(part) for part in kept)
-            kept.append(self.fill(wood, crown, room, wood_only=True, rng=rng))
+            kept.append(self.fill(feet, crown, room, wood_only=True, rng=rng))
         leaves = self.recolour(join(kept), crown, rng=rng)
         for target in crown.targets:
             share = np.count_nonzero(target.open) / np.count_nonzero(target.is_foliage)
@@ -153,13 +154,13 @@ class LeavesAlongBranches(Strategy):
         return join(kept)
 
     def fill(
-        self, wood: YoungWood, crown: Crown, room: int, *, wood_only: bool = False, rng: np.random.Generator
+        self, feet: Sequence[Feet], crown: Crown, room: int, *, wood_only: bool = False, rng: np.random.Generator
     ) -> Placement:
         """Leaves aimed at foliage that is open still, from twigs within reach: long-stalked where that is far."""
         kept: list[Placement] = []
         least_gain = LEAST_HIDDEN if wood_only else LEAST_GAIN
-        for target in crown.targets:
-            aim = aim_at_open(target, wood, crown.length, crown.reach, wood_only=wood_only, rng=rng)
+        for target, own in zip(crown.targets, feet, strict=True):
+            aim = aim_at_open(target, own, crown.length, crown.reach, wood_only=wood_only, rng=rng)
             is_far = (aim.way > FAR * crown.length) & crown.is_long.any()
             size = crown.reaching(aim.way, is_far)
             for shrink in SHRINK[: self.tries]:

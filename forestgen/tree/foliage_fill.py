@@ -32,8 +32,26 @@ class Aim:
         return Aim(self.foot[pick], self.axis[pick], self.normal[pick], self.way[pick])
 
 
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """Points along the young wood from which leaves are aimed, as a view sees them. N points."""
+
+    foot: NDArray[np.float64]  # (N, 3) m
+    radius: NDArray[np.float64]  # (N,) m, of the wood there
+    flat: NDArray[np.float64]  # (N, 2) px
+    depth: NDArray[np.float64]  # (N,) m towards the camera
+    nearest: cKDTree  # of them in the picture
+
+    @staticmethod
+    def of(wood: YoungWood, target: Target, length: float) -> Feet:
+        """Points a quarter of a leaf's `length` apart, metres."""
+        foot, radius = spread_points(wood, 0.25 * length)
+        flat = target.view.camera.project(foot)
+        return Feet(foot, radius, flat, target.view.camera.depth(foot), cKDTree(flat))
+
+
 def aim_at_open(
-    target: Target, wood: YoungWood, length: float, reach: float, *, wood_only: bool = False, rng: np.random.Generator
+    target: Target, feet: Feet, length: float, reach: float, *, wood_only: bool = False, rng: np.random.Generator
 ) -> Aim:
     """Aim leaves, from twigs up to `reach` metres away in the picture, at open foliage: one for each small cell.
 
@@ -43,22 +61,20 @@ def aim_at_open(
     px = length * camera.px_per_metre
     is_open = target.open & target.is_grown if wood_only else target.open
     seed = open_seeds(is_open, max(1.0, SEED_CELL * px), 1 if wood_only else LEAST_OPEN, rng=rng)
-    foot, radius = spread_points(wood, 0.25 * length)
-    flat = camera.project(foot)
-    k = min(NEAREST, len(foot))
-    far, near = cKDTree(flat).query(seed, k=k, distance_upper_bound=reach * camera.px_per_metre)
+    foot, k = feet.foot, min(NEAREST, len(feet.foot))
+    far, near = feet.nearest.query(seed, k=k, distance_upper_bound=reach * camera.px_per_metre)
     far, near = far.reshape(len(seed), k), near.reshape(len(seed), k)
     count = np.isfinite(far).sum(axis=1)
     reached = count > 0
     barrier = target.wood_depth[seed[:, 1].astype(np.int64), seed[:, 0].astype(np.int64)].astype(float)
-    behind = barrier[:, None] - camera.depth(foot)[np.minimum(near, len(foot) - 1)]  # -inf where no wood is in the way
+    behind = barrier[:, None] - feet.depth[np.minimum(near, len(foot) - 1)]  # -inf where no wood is in the way
     wish = rng.random(near.shape) + np.clip(behind / reach, 0, 3)  # twigs that stand before that wood, or nearly
     chosen = near[np.arange(len(seed)), np.where(np.isfinite(far), wish, np.inf).argmin(axis=1)][reached]
     seed, barrier = seed[reached], barrier[reached]
 
-    flat_way = (seed - flat[chosen]) / camera.px_per_metre * [1.0, -1.0]  # m, in the picture
+    flat_way = (seed - feet.flat[chosen]) / camera.px_per_metre * [1.0, -1.0]  # m, in the picture
     tilt = rng.normal(0, TILT, len(seed)).clip(-1.2, 1.2)
-    over = barrier + CLEAR * length - camera.depth(foot[chosen])
+    over = barrier + CLEAR * length - feet.depth[chosen]
     needed = np.arctan2(np.maximum(over, 0), np.linalg.norm(flat_way, axis=1) + 1e-9)
     tilt = np.where(over > 0, np.maximum(tilt, np.minimum(needed, 1.3)), tilt)
     ahead = flat_way + 1e-9 * rng.normal(size=flat_way.shape)
@@ -68,7 +84,7 @@ def aim_at_open(
     light = toward + np.array([0.0, 0.6, 0.0])
     normal = normals_across(axis, light + rng.normal(0, 0.4, axis.shape))
     way = np.linalg.norm(flat_way, axis=1) / np.cos(tilt)
-    return Aim(foot[chosen] + axis * radius[chosen][:, None] * 0.9, axis, normal, way)
+    return Aim(foot[chosen] + axis * feet.radius[chosen][:, None] * 0.9, axis, normal, way)
 
 
 def open_seeds(

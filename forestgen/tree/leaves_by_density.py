@@ -15,7 +15,7 @@ from forestgen.tree.density import DensityVolume
 from forestgen.tree.density_views import estimate_density
 from forestgen.tree.foliage import FAR, SHRINK, LeavesAlongBranches
 from forestgen.tree.foliage_crown import Crown
-from forestgen.tree.foliage_fill import spread_points
+from forestgen.tree.foliage_fill import Feet, spread_points
 from forestgen.tree.foliage_fit import Placement, join
 from forestgen.tree.foliage_poses import light_normals, quaternions, unit
 from forestgen.tree.foliage_twigs import YoungWood, young_wood
@@ -67,8 +67,9 @@ class LeavesByDensity(LeavesAlongBranches):
             kept.append(self.on_twig_ends(skeleton, density, number, crown, rng=rng))
             number = max(0, number - len(kept[0]))
         kept.append(self.in_voxels(density.sample(number, rng=rng), wood, crown, rng=rng))
+        feet = [Feet.of(wood, target, crown.length) for target in crown.targets]
         for _ in range(self.fill_rounds):
-            kept.append(self.fill(wood, crown, self.most - sum(len(part) for part in kept), rng=rng))
+            kept.append(self.fill(feet, crown, self.most - sum(len(part) for part in kept), rng=rng))
         leaves = self.recolour(join(kept), crown, rng=rng)
         return Leaves(leaves.position, quaternions(leaves.rotation), leaves.size, leaves.prototype)
 
