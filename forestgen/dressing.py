@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.arrays import stage_rng
-from forestgen.render.cards import CardPlan, bake_cards
+from forestgen.render.cards import CardPlan, bake_cards, plan_cards
 from forestgen.render.side_cards import side_cards
 from forestgen.tree.delight import delit
-from forestgen.tree.level import Level, full_level
+from forestgen.tree.level import Level, full_level, is_coarser, within
 from forestgen.tree.model import TreeModel
 from forestgen.tree.seasons import Season, fallen, season_atlas, seasons_of
 from forestgen.usd.card_textures import AXES, card_name
@@ -31,14 +31,15 @@ Pictures = dict[str, NDArray[np.uint8]]
 
 
 def dress(
-    model: TreeModel, levels: Sequence[Level], plan: CardPlan, *, without_light: bool = False
-) -> tuple[Pictures, dict[Season, SeasonLook]]:
-    """The pictures of a tree with these levels after the full one, and what each season changes.
+    model: TreeModel, finer: Sequence[Level], *, without_light: bool = False
+) -> tuple[tuple[Level, ...], Pictures, dict[Season, SeasonLook]]:
+    """Cards as the last level of a tree with coarser levels `finer`, where they are worth it; pictures; seasons.
 
-    The leaf atlas as photographed is the model's own and not among them. Where `without_light`, leaves and
-    cards have a second picture.
+    The leaf atlas as photographed is the model's own and not among the pictures. Where `without_light`, leaves and
+    cards have a second picture. Cards reach nowhere beyond the other levels, so that the sides of the tree's box are
+    drawn while the cards are laid out.
     """
-    every = [full_level(model), *levels]
+    every = [full_level(model), *finer]
     worn: dict[Season, NDArray[np.uint8] | None] = {}  # leaf atlases of the seasons that differ; None is bare
     gone: dict[Season, dict[str, NDArray[np.int64]]] = {}
     for season in seasons_of(model):
@@ -54,8 +55,7 @@ def dress(
         }
         if season == "photo" or not _is_as_photographed(model, leaf):
             worn[season] = leaf
-    wears_cards = any(len(level.cards.faces) for level in levels)
-    drawn = draw_pictures(model, levels, plan if wears_cards else None, list(worn.values()), without_light)
+    last, drawn = draw_pictures(model, every, list(worn.values()), without_light)
     made = dict(zip(worn, drawn, strict=True))
     pictures: Pictures = {}
     looks: dict[Season, SeasonLook] = {}
@@ -66,7 +66,7 @@ def dress(
         is_bare = season == "winter" and not model.evergreen
         looks[season] = season_look(own, ending, fallen_leaves, is_bare, without_light) if ending else SeasonLook()
     pictures.pop(LEAF, None)
-    return pictures, looks
+    return last, pictures, looks
 
 
 def _is_as_photographed(model: TreeModel, leaf: NDArray[np.uint8] | None) -> bool:
@@ -75,28 +75,28 @@ def _is_as_photographed(model: TreeModel, leaf: NDArray[np.uint8] | None) -> boo
 
 
 def draw_pictures(
-    model: TreeModel,
-    levels: Sequence[Level],
-    plan: CardPlan | None,
-    worn: Sequence[NDArray[np.uint8] | None],
-    without_light: bool,
-) -> list[Pictures]:
-    """What a tree wears with each of some leaf atlases (H, W, 4), or bare; on cards where there is a plan of them.
+    model: TreeModel, every: Sequence[Level], worn: Sequence[NDArray[np.uint8] | None], without_light: bool
+) -> tuple[tuple[Level, ...], list[Pictures]]:
+    """The level of cards that follows `every` level, if any, and what the tree wears with each of some leaf atlases.
 
-    The first one is the tree's own; cards of the same leaves in other colours share its cards' alpha. The sides of
-    the box around all levels are drawn from the first coarser one, which is meant for their size.
+    Atlases are (H, W, 4), None where it is bare. The first one is the tree's own; cards of the same leaves in other
+    colours share its cards' alpha. The sides of the box around all levels are drawn from the first coarser one,
+    which is meant for their size.
     """
-    shown = _as_level(model, levels[0]) if levels and not len(levels[0].cards.faces) else model
-    box = union([level_box(level) for level in (full_level(model), *levels)])
+    shown = _as_level(model, every[min(1, len(every) - 1)])
+    box = union([level_box(level) for level in every])
     leafy = [leaf for leaf in worn if leaf is not None]
     with ThreadPoolExecutor(2) as aside:  # most of it runs without Python's lock
         sides = aside.submit(side_cards, shown, box, worn)
+        laid_out = plan_cards(model)
+        cards = within(laid_out.level(model), box)
+        plan = laid_out if len(cards.cards.faces) and is_coarser(cards, every[-1]) else None
         bare = aside.submit(_bare_pictures, model, plan if len(leafy) < len(worn) else None)
         dressed = iter(_leafy_pictures(model, plan, leafy, without_light))
         made = [dict(bare.result()) if leaf is None else next(dressed) for leaf in worn]
     for pictures, faces in zip(made, sides.result(), strict=True):
         pictures |= {card_name(face): image for face, image in faces.items()}
-    return made
+    return (() if plan is None else (cards,)), made
 
 
 def _bare_pictures(model: TreeModel, plan: CardPlan | None) -> Pictures:

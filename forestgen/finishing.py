@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forestgen.errors import InputError
-from forestgen.tree.level import Level, full_level
+from forestgen.tree.level import Level, full_level, is_coarser
 from forestgen.tree.model import TreeModel
 
 if TYPE_CHECKING:
@@ -34,25 +34,21 @@ class Finish:
 def finish(model: TreeModel, wanted: Finish | None = None) -> Extras:
     """All that goes into a tree's asset beside the tree. It needs no OpenGL."""
     from forestgen.dressing import dress
-    from forestgen.render.cards import plan_cards
     from forestgen.tree.lod import LOD_STEPS, coarser_level
     from forestgen.usd.extras import Extras
 
     wanted = wanted or Finish()
     if wanted.plain:
         return Extras(openpbr=wanted.openpbr, wind=True, guides=True)
-    finer = [coarser_level(model, step) for step in LOD_STEPS]
-    plan = plan_cards(model)
-    cards = [plan.level(model)] if len(plan.mesh.faces) else []
-    levels = coarsening(model, [*finer, *cards])
-    pictures, seasons = dress(model, levels, plan, without_light=wanted.delit)
-    return Extras(levels, pictures, seasons, openpbr=wanted.openpbr, wind=True, guides=True)
+    finer = coarsening(model, [coarser_level(model, step) for step in LOD_STEPS])
+    last, pictures, seasons = dress(model, finer, without_light=wanted.delit)
+    return Extras((*finer, *last), pictures, seasons, openpbr=wanted.openpbr, wind=True, guides=True)
 
 
 def coarsening(model: TreeModel, levels: Sequence[Level]) -> tuple[Level, ...]:
     """Those of some levels that have fewer triangles, for a smaller size on the screen, than the one before."""
     kept = [full_level(model)]
     for level in levels:
-        if level.n_triangles < kept[-1].n_triangles and level.switch_px < kept[-1].switch_px:
+        if is_coarser(level, kept[-1]):
             kept.append(level)
     return tuple(kept[1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -97,11 +98,13 @@ def _write_tree(model: TreeModel, folder: Path, extras: Extras) -> None:
     from forestgen.usd.tree_asset import write_tree_asset
 
     folder.mkdir(parents=True)
-    write_tree_asset(model, folder, extras)
-    write_cameras(model, folder)
+    views = [folder / "reference" / f"view_{index:02d}" for index in range(len(model.views))]
+    with ThreadPoolExecutor(1) as aside:
+        kept = aside.map(write_reference, model.views, views)
+        write_tree_asset(model, folder, extras)
+        write_cameras(model, folder)
+    list(kept)  # raises what went wrong with a view
     write_provenance(model, folder / "reference")
-    for index, view in enumerate(model.views):
-        write_reference(view, folder / "reference" / f"view_{index:02d}")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from forestgen.render.card_leaves import strip_drawables
 from forestgen.render.card_mips import lasting_alpha
 from forestgen.render.card_plan import CardPlan
 from forestgen.render.drawable import Drawable
+from forestgen.render.layout_kernels import placed
 from forestgen.render.model_drawables import bark_rgba, leaf_drawables
 from forestgen.render.raster import pictures
 from forestgen.tree.lod_prototypes import simpler
@@ -70,8 +71,7 @@ def _twigs(plan: CardPlan, mesh: Mesh, bark: Bark) -> Drawable:
     points, places = [], []
     for card in plan.twig_card.T:
         seen = np.einsum("ti,ti->t", plan.frame[card, 2, :3], ahead) > 0
-        frame = plan.frame[card[seen]]
-        points.append(np.einsum("tai,tci->tca", frame[:, :3, :3], corner[seen]) + frame[:, None, :3, 3])
+        points.append(placed(corner[seen], plan.frame, card[seen]))
         places.append(uv[seen])
     flat = np.concatenate(points).reshape(-1, 3)
     return Drawable(

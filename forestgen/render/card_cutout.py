@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-NEAR = 3  # texels; over so wide a square the covered area is kept
+from forestgen.render.card_kernels import bleed, halfway, halve, show
+
+NEAR = 3  # texels; over so wide a square, as `halve` has it, the covered area is kept
 FINER = 3  # places a texel along each way, at which interpolated alpha is judged
 HALVINGS = 8  # of the interval that holds a local threshold
 HIGHEST = 1 - 1 / 700  # threshold: halved, it falls a little below each sixteenth, which is what samples count in
@@ -29,33 +31,25 @@ def local_threshold(coverage: NDArray[np.float32], goal: NDArray[np.float32], fi
     """The coverage (H, W) from which a texel is shown, so that as much of its neighbourhood is as `goal` says.
 
     Thin and sparse things never cover half a texel, and would vanish; full ones would swell. So each texel has
-    a threshold of its own, found by halving, judged at `finer` samples a texel along each way.
+    a threshold of its own, found by halving, judged at `finer` samples, 1 or 3, a texel along each way.
     """
-    near, size = (NEAR, NEAR), coverage.shape[::-1]
-    wanted = cv2.boxFilter(goal, -1, near)
-    fine = _finer(coverage, finer)
+    wanted = cv2.boxFilter(goal, -1, (NEAR, NEAR))
+    around = np.pad(coverage, 1, mode="edge")
+    middle, area = np.zeros_like(around), np.zeros_like(around)
     low, high = np.zeros_like(coverage), np.full_like(coverage, HIGHEST)
     for _ in range(HALVINGS):
-        threshold = (low + high) * np.float32(0.5)
-        shown = (fine > _finer(threshold, finer)).astype(np.float32)
-        area = shown if finer == 1 else cv2.resize(shown, size, interpolation=cv2.INTER_AREA)
-        is_too_much = cv2.boxFilter(area, -1, near) > wanted
-        low, high = np.where(is_too_much, threshold, low), np.where(is_too_much, high, threshold)
+        halfway(low, high, middle)
+        show(around, middle, finer, area)
+        halve(low, high, middle, area, wanted)
     return np.asarray(np.maximum((low + high) / 2, LEAST), np.float32)
 
 
 def shown_area(alpha: NDArray[np.float32]) -> NDArray[np.float32]:
     """The share (H, W) of each texel in which interpolated alpha exceeds one half."""
-    shown = (_finer(alpha, FINER) > 0.5).astype(np.float32)
-    return np.asarray(cv2.resize(shown, alpha.shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _finer(image: NDArray[np.float32], n: int) -> NDArray[np.float32]:
-    """The image (H, W) interpolated at n x n places a texel."""
-    if n == 1:
-        return image
-    height, width = image.shape
-    return np.asarray(cv2.resize(image, (width * n, height * n), interpolation=cv2.INTER_LINEAR), np.float32)
+    around = np.pad(alpha, 1, mode="edge")
+    area = np.zeros_like(around)
+    show(around, np.full_like(around, 0.5), FINER, area)
+    return area[1:-1, 1:-1].copy()
 
 
 def bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -66,13 +60,10 @@ def bled(picture: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np
     fullest = float(picture[..., 3].max(initial=0))
     if fullest < LEAST:
         return np.zeros(picture.shape, np.uint8)
-    enough = picture[..., 3] >= min(ENOUGH, fullest / 2)
-    rgb = picture[..., :3] / np.maximum(picture[..., 3:], 1e-6)
+    enough = np.float32(min(ENOUGH, fullest / 2))
     _, label = cv2.distanceTransformWithLabels(
-        (~enough).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        (picture[..., 3] < enough).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    nearest = np.zeros((int(label.max()) + 1, 3), np.float32)
-    nearest[label[enough]] = rgb[enough]
-    rgb = np.where((picture[..., 3] >= OWN)[..., None], rgb, nearest[label])
-    straight = np.dstack([rgb, alpha])
-    return np.asarray(np.round(np.clip(straight, 0, 1) * 255), np.uint8)
+    texture = np.zeros(picture.shape, np.uint8)
+    bleed(picture, alpha, label, enough, np.float32(OWN), texture)
+    return texture

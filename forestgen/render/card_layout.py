@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from forestgen.render.layout_kernels import best_place, box_around
+
 LEVEL_GAP = 1.5  # level cards stand this much further apart than upright ones: fewer look from above
 
 
@@ -36,7 +38,7 @@ def groups(
     for k in range(low.shape[1]):
         slab = slabs(depth[:, k], gap * float(stretch[k]))
         cards += [Group(k, np.flatnonzero(slab == s)) for s in np.unique(slab).tolist()]
-    area = sum(float(np.prod(high[g.member, g.family, :2].max(0) - low[g.member, g.family, :2].min(0))) for g in cards)
+    area = sum(float(np.ptp(box_around(low, high, g.member, g.family)[:, :2], axis=0).prod()) for g in cards)
     margin = margin_px * float(np.sqrt(area)) / side
     return cut_wasteful(cards, low, high, n_cards, margin)
 
@@ -55,9 +57,10 @@ def cut_wasteful(
 ) -> list[Group]:
     """Cut the cards in two whose halves take least area, until there are `n_cards` or no cut saves anything."""
     found = list(cards)
+    near, far = (np.ascontiguousarray(corner[..., :2].swapaxes(0, 1)) for corner in (low, high))  # (K, N, 2)
     waiting = []
     for k, card in enumerate(found):
-        saved, is_first = best_cut(low[card.member, card.family], high[card.member, card.family], margin)
+        saved, is_first = best_cut(near[card.family][card.member], far[card.family][card.member], margin)
         waiting.append((-saved, k, is_first))
     heapq.heapify(waiting)
     while waiting and len(found) < n_cards:
@@ -69,7 +72,7 @@ def cut_wasteful(
         found.append(Group(whole.family, whole.member[~is_first]))
         for part in (k, len(found) - 1):
             card = found[part]
-            again, is_first = best_cut(low[card.member, card.family], high[card.member, card.family], margin)
+            again, is_first = best_cut(near[card.family][card.member], far[card.family][card.member], margin)
             heapq.heappush(waiting, (-again, part, is_first))
     return found
 
@@ -77,26 +80,16 @@ def cut_wasteful(
 def best_cut(low: NDArray[np.float64], high: NDArray[np.float64], margin: float) -> tuple[float, NDArray[np.bool_]]:
     """The area that the best cut of a card saves, and which of its things (M,) lie on the first part.
 
-    Their boxes have corners (M, 3), of which the third coordinate does not matter; a card is `margin` metres
-    wider and higher than what it shows.
+    Their boxes have corners (M, 2); a card is `margin` metres wider and higher than what it shows.
     """
     best, is_first = 0.0, np.ones(len(low), bool)
     if len(low) < 2:
         return best, is_first
-    whole = float(np.prod(high[:, :2].max(axis=0) - low[:, :2].min(axis=0) + margin))
     for axis in range(2):
         order = np.argsort(low[:, axis] + high[:, axis], kind="stable")
-        areas = _areas(low[order, :2], high[order, :2], margin)[:-1]
-        areas = areas + _areas(low[order[::-1], :2], high[order[::-1], :2], margin)[::-1][1:]
-        at = int(areas.argmin())
-        if whole - float(areas[at]) > best:
-            best = whole - float(areas[at])
+        at, parts, whole = best_place(low, high, order, margin)
+        if whole - parts > best:
+            best = whole - parts
             is_first = np.zeros(len(low), bool)
             is_first[order[: at + 1]] = True
     return best, is_first
-
-
-def _areas(low: NDArray[np.float64], high: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
-    """Area (M,) of the box around the first 1, 2, ... of boxes (M, 2)."""
-    reach = np.maximum.accumulate(high) - np.minimum.accumulate(low) + margin
-    return np.asarray(reach[:, 0] * reach[:, 1])

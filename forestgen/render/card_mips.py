@@ -9,11 +9,14 @@ asks for readers that take levels made by others.)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from forestgen.render.card_cutout import LEAST, cutout_alpha, local_threshold, shown_area
+from forestgen.render.card_kernels import raise_blocks
 
 LEVELS = (8, 4, 2)  # texels averaged along each way: three mip levels
 ABOVE = 0.62  # mean alpha that a shown texel of a smaller level should have, so that it covers when interpolated
@@ -31,41 +34,33 @@ def lasting_alpha(coverage: NDArray[np.float32], goal: NDArray[np.float32]) -> N
     Sides of powers of two, 8 at least. `coverage` (H, W) says what is shown first. Raised alpha swells what is
     shown of the texture itself, where it is interpolated: as much less is cut out at first.
     """
+    wanted = [_wanted(coverage, goal, n) for n in LEVELS]
     slim = goal * np.float32(SWELLS)
     for _ in range(SLIMMINGS):
-        alpha = _raised(cutout_alpha(coverage, slim), coverage, goal)
-        area, wanted = (cv2.boxFilter(image, -1, (NEAR, NEAR)) for image in (shown_area(alpha), goal))
-        slim = slim * np.clip(wanted / np.maximum(area, LEAST), LEANEST, 1)
-    return _raised(cutout_alpha(coverage, slim), coverage, goal)
+        alpha = _raised(cutout_alpha(coverage, slim), wanted)
+        area, whole = (cv2.boxFilter(image, -1, (NEAR, NEAR)) for image in (shown_area(alpha), goal))
+        slim = slim * np.clip(whole / np.maximum(area, LEAST), LEANEST, 1)
+    return _raised(cutout_alpha(coverage, slim), wanted)
 
 
-def _raised(
-    alpha: NDArray[np.float32], coverage: NDArray[np.float32], goal: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Alpha with the same texels at one half or above, but higher where a smaller level needs it."""
+def _wanted(coverage: NDArray[np.float32], goal: NDArray[np.float32], n: int) -> NDArray[np.bool_]:
+    """Whether texels (H / n, W / n) of a smaller level are to be shown."""
+    mean = block_means(coverage, n)
+    return np.asarray(mean > local_threshold(mean, block_means(goal, n), 1))
+
+
+def _raised(alpha: NDArray[np.float32], wanted: Sequence[NDArray[np.bool_]]) -> NDArray[np.float32]:
+    """Alpha with the same texels at one half or above, but higher where smaller levels, as in LEVELS, want it."""
     is_shown = alpha >= 0.5
-    wanted = {}
-    for n in LEVELS:
-        mean = block_means(coverage, n)
-        wanted[n] = mean > local_threshold(mean, block_means(goal, n), 1)
     most = np.where(is_shown, np.float32(1), np.maximum(alpha, np.float32(FLOOR)))
+    raised = alpha.copy()
     for _ in range(ROUNDS):
-        for n in LEVELS:
-            lack = np.where(wanted[n], np.maximum(np.float32(ABOVE) - block_means(alpha, n), 0), np.float32(0))
-            for may_rise in (is_shown, ~is_shown):
-                room = np.where(may_rise, most - alpha, np.float32(0)).astype(np.float32)
-                free = block_means(room, n)
-                part = np.minimum(lack / np.maximum(free, np.float32(1e-6)), np.float32(1))
-                alpha = alpha + room * _spread(part, n)
-                lack = lack - part * free
-    return alpha
+        for is_wanted in wanted:
+            raise_blocks(raised, is_shown, most, is_wanted, ABOVE)
+    return raised
 
 
 def block_means(image: NDArray[np.float32], n: int) -> NDArray[np.float32]:
     """Means (H / n, W / n) of blocks of n x n texels: a mip level."""
     height, width = image.shape
     return np.asarray(cv2.resize(image, (width // n, height // n), interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _spread(image: NDArray[np.float32], n: int) -> NDArray[np.float32]:
-    return image.repeat(n, axis=0).repeat(n, axis=1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from forestgen.arrays import freeze
 from forestgen.camera import Camera
+from forestgen.render.outline_kernels import foremost, mark
 from forestgen.tree.lod_outline import CLOSING, SIDES
 from forestgen.tree.scale import disc
 
@@ -60,35 +61,20 @@ def outlines_of(
     width = int(np.ceil(np.linalg.norm(high - low) * scale + 2 * CLOSING * CELLS)) + 2 * ROOM
     beyond = np.empty((len(SIDES), width, width), np.float32)
     leads = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
-    owned = np.flatnonzero(owner >= 0)
+    cell = np.zeros(len(points), np.int32)
     for side in range(len(SIDES)):
         axes = (_camera(side, width, scale).axes[:2] * [[scale], [-scale]]).astype(np.float32)
-        column, row = ((axis @ along + np.float32(width / 2)).astype(np.int32) for axis in axes)
-        inside = _silhouette(row, column, width)
+        mask = np.zeros((width, width), np.uint8)
+        mark(axes[0] @ along, axes[1] @ along, width, cell, mask.reshape(-1))
+        inside = _silhouette(mask)
         depth, label = cv2.distanceTransformWithLabels(
             inside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
         )
         beyond[side] = cv2.distanceTransform(1 - inside, cv2.DIST_L2, cv2.DIST_MASK_5) - depth
-        outside = np.argwhere(inside == 0)
-        nearest = np.zeros((int(label.max()) + 1, 2), np.int64)
-        nearest[label[outside[:, 0], outside[:, 1]]] = outside
-        near = owned[depth[row[owned], column[owned]] <= REACH * CELLS]
-        at = row[near], column[near]
-        leads[foremost(depth[at], nearest[label[at]], owner[near])] += 1
+        leading = foremost(cell, owner, depth, label, np.float32(REACH * CELLS), round(STRETCH * CELLS))
+        leads[np.unique(leading[leading >= 0])] += 1
+    beyond.setflags(write=False)  # kept without a copy
     return Outlines(middle, scale, beyond), leads
-
-
-def foremost(depth: NDArray[np.float32], nearest: NDArray[np.int64], owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The things that lie least deep along each stretch of one outline, each once, in order.
-
-    Their points (N,) lie `depth` cells below it, its cells `nearest` (N, 2) next to them, and belong to `owner`.
-    """
-    stretch = nearest // round(STRETCH * CELLS)
-    order = np.lexsort((owner, depth, stretch[:, 0], stretch[:, 1]))
-    along = stretch[order]
-    is_first = np.ones(len(order), bool)
-    is_first[1:] = (along[1:] != along[:-1]).any(axis=1)
-    return np.unique(owner[order[is_first]])
 
 
 def _camera(side: int, width: int, cells_per_metre: float) -> Camera:
@@ -96,10 +82,8 @@ def _camera(side: int, width: int, cells_per_metre: float) -> Camera:
     return Camera((width, width), (width / 2, width / 2), cells_per_metre, *SIDES[side])
 
 
-def _silhouette(row: NDArray[np.int32], column: NDArray[np.int32], width: int) -> NDArray[np.uint8]:
-    """1 in the cells (W, W) that points fall on and what lies between them, 0 around."""
-    mask = np.zeros((width, width), np.uint8)
-    mask[row, column] = 1
+def _silhouette(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """1 in the cells (W, W) of a mask and what lies between them, 0 around."""
     closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc(CLOSING * CELLS))
     around = closed.copy()
     cv2.floodFill(around, None, (0, 0), 2)  # what is around reaches the corner: there is room

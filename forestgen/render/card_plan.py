@@ -22,6 +22,7 @@ from forestgen.render.card_mesh import card_pieces, outward_mesh
 from forestgen.render.card_outline import Outlines
 from forestgen.render.card_solid import solid_things, twig_wedges
 from forestgen.render.card_wood import coarse_wood, thick_skeleton, thin_faces
+from forestgen.render.layout_kernels import box_around, boxes
 from forestgen.tree.joined import joined
 from forestgen.tree.level import NO_LEAVES, Level
 from forestgen.tree.model import Mesh, TreeModel
@@ -96,7 +97,7 @@ def plan_cards(model: TreeModel, *, n_slabs: int | None = None, n_cards: int = N
     for c, card in enumerate(cards):
         shown_by[card.member, card.family] = c
         near, far = low[card.member, card.family], high[card.member, card.family]
-        box[c] = near.min(axis=0), far.max(axis=0)
+        box[c] = box_around(low, high, card.member, card.family)
         weight = (far - near)[:, :2].prod(axis=1) + 1e-12
         box[c, :, 2] = np.average((near + far)[:, 2] / 2, weights=weight)
     solid = solid_things(model)
@@ -134,8 +135,7 @@ def _boxes(model: TreeModel, twig: NDArray[np.int64]) -> tuple[NDArray[np.float6
         middle = np.einsum("kai,li->lka", axes, places[mine, :3, 3])
         reach = turned @ prototype.points.T  # (l, K, 3, V)
         low[mine], high[mine] = middle + reach.min(axis=3), middle + reach.max(axis=3)
-    corner = np.einsum("kai,tci->ckta", axes, model.mesh.points[model.mesh.faces[twig]])
-    low[n:], high[n:] = corner.min(axis=0).swapaxes(0, 1), corner.max(axis=0).swapaxes(0, 1)
+    boxes(model.mesh.points, model.mesh.faces[twig], axes, low[n:], high[n:])
     return low, high
 
 

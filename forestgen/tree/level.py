@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from forestgen.tree.model import LeafPrototype, Leaves, Mesh, TreeModel
 
@@ -42,6 +43,29 @@ class Level:
     def n_instances(self) -> int:
         """Leaves."""
         return len(self.leaves)
+
+
+def is_coarser(level: Level, than: Level) -> bool:
+    """Whether a level has fewer triangles than another, for a smaller size on the screen."""
+    return level.n_triangles < than.n_triangles and level.switch_px < than.switch_px
+
+
+def within(level: Level, box: NDArray[np.floating]) -> Level:
+    """A level without leaves that reaches nowhere beyond a box (2, 3): drawn together along an axis where it did."""
+    if len(level.leaves):
+        raise ValueError("a level with leaves cannot be drawn together")
+    pieces = [mesh.points for mesh in (level.mesh, level.cards) if len(mesh.points)]
+    if not pieces:
+        return level
+    points = np.concatenate(pieces)
+    low, high = points.min(axis=0), points.max(axis=0)
+    new_low, new_high = np.maximum(low, box[0]), np.minimum(high, box[1])
+    scale = (new_high - new_low) / np.maximum(high - low, 1e-12)
+
+    def fitted(mesh: Mesh) -> Mesh:
+        return replace(mesh, points=np.clip(new_low + (mesh.points - low) * scale, new_low, new_high))
+
+    return replace(level, mesh=fitted(level.mesh), cards=fitted(level.cards))
 
 
 def full_level(model: TreeModel) -> Level:

@@ -17,13 +17,14 @@ The structure is the one of the usd-wg asset guidelines.
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
-from forestgen.png import write_png
+from forestgen.png import png_bytes
 from forestgen.tree.level import full_level
 from forestgen.tree.model import TreeModel
 from forestgen.tree.skeleton_json import skeleton_json
@@ -64,14 +65,15 @@ def write_tree_asset(model: TreeModel, folder: Path, extras: Extras | None = Non
     require_prim_name(name)
     extras = Extras() if extras is None else extras
     pictures = _pictures(model, extras)
-    layers, box = _payload_layers(model, name, extras, pictures)
-    layers["payload.usdc"] = payload_layer(name, [f"./{file}" for file in sorted(layers, reverse=True)])
-    root, chosen = _root(model, name, box, extras, pictures)
-    layers |= chosen
-
+    with ThreadPoolExecutor(1) as aside:  # packing pictures takes a third of the time, and nothing of Python
+        packed = aside.map(png_bytes, pictures.values())
+        layers, box = _payload_layers(model, name, extras, pictures)
+        layers["payload.usdc"] = payload_layer(name, [f"./{file}" for file in sorted(layers, reverse=True)])
+        root, chosen = _root(model, name, box, extras, pictures)
+        layers |= chosen
     (folder / "textures").mkdir(parents=True, exist_ok=True)
-    for picture, image in pictures.items():
-        write_png(folder / picture_path(picture), image)
+    for picture, data in zip(pictures, packed, strict=True):
+        (folder / picture_path(picture)).write_bytes(data)
     if extras.guides:
         (folder / SKELETON).write_text(json.dumps(skeleton_json(model.skeleton), separators=(",", ":")), "utf-8")
     for file, layer in layers.items():

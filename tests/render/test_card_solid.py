@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from forestgen.render.card_leaves import leaf_strips, strip_pieces
 from forestgen.render.card_mesh import outward_mesh
-from forestgen.render.card_outline import CELLS, foremost, outlines_of
+from forestgen.render.card_outline import CELLS, outlines_of
 from forestgen.render.card_solid import FEW, solid_things, straight_end, twig_wedges
 from forestgen.render.cards import bake_cards, plan_cards
+from forestgen.render.outline_kernels import foremost, mark
 from forestgen.tree.places import leaf_matrices
 from tests.render.small_trees import ball_of_leaves, forked_tree
 
@@ -51,11 +53,53 @@ def test_the_outermost_points_lead_an_outline():
     assert not leads[2000:].any()
 
 
-def test_the_foremost_of_each_stretch_stays_once():
-    depth = np.array([3, 1, 2, 1, 1], np.float32)
-    nearest = np.array([[0, 0], [0, 1], [0, 3], [100, 100], [200, 200]])  # the first three along one stretch
-    assert_array_equal(foremost(depth, nearest, np.array([5, 6, 7, 9, 9])), [6, 9])
-    assert_array_equal(foremost(depth[:0], nearest[:0], np.zeros(0, np.int64)), [])
+def test_the_foremost_of_each_stretch_leads_it():
+    """Two outside cells, and what lies next to each: 7 wins over 9, as deep, and over 6, which lies deeper."""
+    depth = np.zeros((8, 8), np.float32)
+    label = np.zeros((8, 8), np.int32)
+    depth[0, :6] = [0, 1, 2, 3, 1, 0]
+    label[0, :6] = [1, 1, 1, 2, 2, 2]
+    cell = np.array([1, 1, 2, 4, 3, 2])
+    found = foremost(cell, np.array([9, 7, 6, 3, 2, -1]), depth, label, np.float32(2.5), 4)
+    assert_array_equal(found, [7, 3, -1, -1])
+    assert_array_equal(foremost(cell[:0], cell[:0], depth, label, np.float32(2.5), 4), [-1] * 4)
+
+
+def plainly_foremost(
+    cell: np.ndarray, owner: np.ndarray, depth: np.ndarray, label: np.ndarray, reach: float, step: int
+) -> np.ndarray:
+    """The things that lead stretches, each once, found by sorting."""
+    outside = np.argwhere(depth == 0)
+    nearest = np.zeros((label.max() + 1, 2), np.int64)
+    nearest[label[outside[:, 0], outside[:, 1]]] = outside
+    near = (owner >= 0) & (depth.flat[cell] <= reach)
+    stretch = nearest[label.flat[cell[near]]] // step
+    order = np.lexsort((owner[near], depth.flat[cell[near]], stretch[:, 0], stretch[:, 1]))
+    along = stretch[order]
+    is_first = np.ones(len(order), bool)
+    is_first[1:] = (along[1:] != along[:-1]).any(axis=1)
+    return np.unique(owner[near][order[is_first]])
+
+
+def test_compiled_loops_lead_as_sorting_does():
+    rng = np.random.default_rng(3)
+    inside = np.zeros((61, 61), np.uint8)
+    cv2.circle(inside, (30, 33), 22, 1, -1)
+    depth, label = cv2.distanceTransformWithLabels(inside, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    cell = rng.choice(np.flatnonzero(inside), 4000)
+    for n_things in (30, 3000):
+        owner = rng.integers(-1, n_things, 4000)
+        found = foremost(cell, owner, depth, label, np.float32(4.8), 4)
+        wanted = plainly_foremost(cell, owner, depth, label, 4.8, 4)
+        assert_array_equal(np.unique(found[found >= 0]), wanted)
+        assert len(wanted) > 5
+
+
+def test_points_mark_the_cells_that_they_fall_on():
+    cell, mask = np.zeros(3, np.int32), np.zeros(36, np.uint8)
+    mark(np.array([-3, 0.9, 2.9], np.float32), np.array([-3, -0.1, 0], np.float32), 6, cell, mask)
+    assert_array_equal(cell, [0, 2 * 6 + 3, 3 * 6 + 5])
+    assert_array_equal(np.flatnonzero(mask), cell)
 
 
 def test_a_straight_end_ends_at_the_bend():
