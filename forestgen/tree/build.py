@@ -5,9 +5,11 @@ from __future__ import annotations
 import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from forestgen.tree.strokes import Strokes
 from forestgen.tree.view import View
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 OnStage = Callable[[str, int, int], None]
 """Called as (stage, done, total) while a tree is built; total is 0 where it is not known."""
@@ -49,8 +52,31 @@ class _Stopwatch:
 
     @contextmanager
     def time(self, stage: str) -> Iterator[None]:
+        self._tell(stage)
+        with self._clock(stage):
+            yield
+
+    def aside(self, pool: ThreadPoolExecutor, stage: str, work: Callable[[], T]) -> Callable[[], T]:
+        """Begin a stage beside others; call what is returned for its result: only that is reported."""
+
+        def clocked() -> T:
+            with self._clock(stage):
+                return work()
+
+        begun = pool.submit(clocked)
+
+        def result() -> T:
+            self._tell(stage)
+            return begun.result()
+
+        return result
+
+    def _tell(self, stage: str) -> None:
         if self.on_stage is not None:
             self.on_stage(stage, 0, 0)
+
+    @contextmanager
+    def _clock(self, stage: str) -> Iterator[None]:
         start = perf_counter()
         yield
         spent = perf_counter() - start
@@ -136,20 +162,21 @@ def _grow(
         if watch.on_stage is not None:
             watch.on_stage("grow", done, total)
 
-    with watch.time("lift"):
-        skeleton = method.lift(views, rng=stage_rng(seed, "lift"))
-    with watch.time("radius"):
-        skeleton = method.radius(skeleton, views)
-    with watch.time("grow"):
-        skeleton = method.grow(skeleton, views, rng=stage_rng(seed, "grow"), on_step=on_step)
-    with watch.time("radius"):
-        skeleton = method.radius(skeleton, views)
-    with watch.time("bark"):
-        bark = method.bark(views, rng=stage_rng(seed, "bark"))
-    with watch.time("mesh"):
-        mesh = method.mesh(skeleton, bark)
-    with watch.time("atlas"):
-        atlas = method.atlas(views, rng=stage_rng(seed, "atlas"))
+    with ThreadPoolExecutor(1) as pool:  # textures need the views alone, and half of their work no lock of Python's
+        cut_bark = watch.aside(pool, "bark", lambda: method.bark(views, rng=stage_rng(seed, "bark")))
+        cut_atlas = watch.aside(pool, "atlas", lambda: method.atlas(views, rng=stage_rng(seed, "atlas")))
+        with watch.time("lift"):
+            skeleton = method.lift(views, rng=stage_rng(seed, "lift"))
+        with watch.time("radius"):
+            skeleton = method.radius(skeleton, views)
+        with watch.time("grow"):
+            skeleton = method.grow(skeleton, views, rng=stage_rng(seed, "grow"), on_step=on_step)
+        with watch.time("radius"):
+            skeleton = method.radius(skeleton, views)
+        bark = cut_bark()
+        with watch.time("mesh"):
+            mesh = method.mesh(skeleton, bark)
+        atlas = cut_atlas()
     with watch.time("leaves"):
         leaves = sorted_leaves(method.leaves(skeleton, views, atlas, rng=stage_rng(seed, "leaves")), skeleton)
     bare = all(view.mattes.is_bare for view in views)

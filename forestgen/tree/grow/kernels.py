@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always")
 def _distance2(p: Array, a: Array, b: Array) -> Any:
     """Squared distance of a point (3,) to the segment from a to b."""
     dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -29,7 +29,7 @@ def _distance2(p: Array, a: Array, b: Array) -> Any:
     return qx * qx + qy * qy + qz * qz
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def lower_distances(a: Array, b: Array, target: Array, current: Array) -> None:
     """Lower, in place, the distances (S,) of targets (S, 3) to what segments (M, 3), (M, 3) make of them."""
     low, high = np.empty(3), np.empty(3)
@@ -47,7 +47,7 @@ def lower_distances(a: Array, b: Array, target: Array, current: Array) -> None:
             current[s] = min(current[s], np.sqrt(best))
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always")
 def _box_distance2(p: Array, low: Array, high: Array) -> Any:
     """Squared distance of a point (3,) to a box."""
     total = 0.0
@@ -59,7 +59,7 @@ def _box_distance2(p: Array, low: Array, high: Array) -> Any:
     return total
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def improvements(
     a: Array, b: Array, group: Array, start: Array, target: Array, current: Array, first: int
 ) -> tuple[Array, Array, Array]:
@@ -122,7 +122,7 @@ def improvements(
     return pointer, which[:count].copy(), distance[:count].copy()
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Array:
     """By how much each placement (C,) would lower the sum of the current distances (S,)."""
     total = np.zeros(len(pointer) - 1)
@@ -134,7 +134,7 @@ def gains(pointer: Array, which: Array, distance: Array, current: Array) -> Arra
     return total
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def prune(
     parent: Array, group: Array, length: Array, may_pass: Array, may_end: Array, share: float, shortest: float
 ) -> Array:
@@ -168,7 +168,7 @@ def prune(
     return stays
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def distance_to_segments(point: Array, a: Array, b: Array) -> Array:
     """Distance of each point (N, 3) to the nearest of the segments (M, 3), (M, 3)."""
     away = np.full(len(point), np.inf)
@@ -176,7 +176,7 @@ def distance_to_segments(point: Array, a: Array, b: Array) -> Array:
     return away
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def nearest_nodes(node: Array, first: int, target: Array, open_: Array, away2: Array, nearest: Array) -> None:
     """Let targets (S, 3) that are open know, in place, of nodes from `first` on that are nearer than theirs."""
     for s in range(len(target)):

@@ -12,7 +12,7 @@ STRAIGHT, DIAGONAL = 5, 7  # price of a step from a pixel of cost 1 to its neigh
 FAR = 2**30  # of pixels from which there is no way
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def cheapest_ways(cost: NDArray[Any], is_source: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """What the way from each pixel (h, w) costs, and the flat index of the next pixel on it, -1 at sources.
 

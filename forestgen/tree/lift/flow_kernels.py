@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always")
 def _field_force(x: Array, lens: Array, grid: Array, vector: Array, out: Array) -> None:
     """Add to out (3,) the mean over V views of their fields at a point x (3,), turned into space.
 
@@ -43,7 +43,7 @@ def _field_force(x: Array, lens: Array, grid: Array, vector: Array, out: Array) 
             out[a] += (c[a] * fx - c[3 + a] * fy) / n_views
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def runge_kutta(
     position: Array,
     velocity: Array,
@@ -84,7 +84,7 @@ def runge_kutta(
             velocity[p, a] += (dv[0, a] + 2 * dv[1, a] + 2 * dv[2, a] + dv[3, a]) / 6
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always")
 def _cell_of(x: float, y: float, z: float, low: Array, edge: float, shape: Array) -> tuple[int, int, int]:
     i = min(max(int((x - low[0]) / edge), 0), shape[0] - 1)
     j = min(max(int((y - low[1]) / edge), 0), shape[1] - 1)
@@ -92,7 +92,7 @@ def _cell_of(x: float, y: float, z: float, low: Array, edge: float, shape: Array
     return i, j, k
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def enter_cells(
     node: Array, first: int, last: int, head: Array, following: Array, low: Array, edge: float, shape: Array
 ) -> None:
@@ -104,7 +104,7 @@ def enter_cells(
         head[cell] = n
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always")
 def _owner(group: Array, which: int) -> int:
     while group[which] != which:
         group[which] = group[group[which]]
@@ -112,7 +112,7 @@ def _owner(group: Array, which: int) -> int:
     return which
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def meet_traces(
     position: Array,
     velocity: Array,
