@@ -24,7 +24,7 @@ class Finish:
 
     delit: bool = False  # variant set `light`: leaves without the photo's light
     openpbr: bool = False  # variant set `look`: validators that know no MaterialX report its nodes as unknown
-    plain: bool = False  # no levels of detail, cards, seasons: the tree with wind data and guides, in half the time
+    plain: bool = False  # no levels of detail, cards, seasons: the tree with wind data and guides, in less time
 
     def __post_init__(self) -> None:
         if self.plain and self.delit:
