@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.radius import trunk_radius
+from forestgen.tree.radius import slender_unseen, trunk_radius
 from forestgen.tree.skeleton import Skeleton, n_children, tips_beyond
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
 
+FAINT_PX = 0.2  # radius of unmeasured wood before the sky: a flow's tufts hang on it, so it shows when seen from near
 STEEPEST = 0.05  # metres of radius that measured wood loses on a metre of way, where thin wood goes on from thick
 
 
@@ -27,6 +28,8 @@ class DaVinci(Strategy):
     exponent: float = 2.0  # sec. 8: r^2 = a * sum of r_i^2; Murray's law would have 3
     constant: float = 1.0  # sec. 8: "a is a constant", not given; Da Vinci's own is 1
     measured: bool = True  # ours; what the photos show as thick keeps its radius. The paper knows no radii
+    slender: float = 0.06  # ours, of the trunk's radius; unmeasured wood no thicker than this is hardly seen before
+    # the sky where the photos show none; 0: it is as thick as elsewhere
 
     def __post_init__(self) -> None:
         if not 1 <= self.exponent <= 6:
@@ -42,7 +45,7 @@ class DaVinci(Strategy):
         radius = tapered(skeleton.parent, share, stem, unknown)
         if self.measured:
             radius = tapered(skeleton.parent, share, stem, without_stumps(skeleton, radius))
-        return replace(skeleton, radius=radius)
+        return replace(skeleton, radius=slender_unseen(skeleton, views, radius, self.slender, FAINT_PX))
 
 
 def stem_radius(skeleton: Skeleton, tips: NDArray[np.int64]) -> float:

@@ -96,7 +96,7 @@ NEUBERT_2007_PAPER = replace(
     trace=LiveWire(seeds="both"),
     lift=ParticleFlow.paper(),
     grow=PhyllotaxisTwigs.paper(),
-    radius=DaVinci(measured=False),
+    radius=DaVinci(measured=False, slender=0.0),
     leaves=LeavesByDensity(density_resolution=25, tries=1, fill_rounds=0),
 )
 KIM_2014 = replace(

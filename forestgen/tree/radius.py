@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from forestgen.tree.radius_unseen import unseen_radius
+from forestgen.tree.radius_unseen import UNSEEN_PX, unseen_radius
 from forestgen.tree.skeleton import Skeleton, branch_order, height_above_tips, main_child
 from forestgen.tree.strategy import Strategy
 from forestgen.tree.view import View
@@ -51,14 +51,21 @@ class MeasuredTaper(Strategy):
 
 
 def slender_unseen(
-    skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.float64], slender: float
+    skeleton: Skeleton,
+    views: Sequence[View],
+    radius: NDArray[np.float64],
+    slender: float,
+    most_px: float = UNSEEN_PX,
 ) -> NDArray[np.float64]:
-    """Radii (N,), metres, with unmeasured wood of up to `slender` of the trunk's too thin to be seen before the sky."""
+    """Radii (N,), metres, with unmeasured wood of up to `slender` of the trunk's too thin to be seen before the sky.
+
+    There its radius is at most `most_px` of the photo's pixels.
+    """
     unknown = np.isnan(skeleton.radius)
     if not (slender > 0 and unknown.any()):
         return radius
     may_thin = unknown & (radius <= slender * radius[0])
-    return thinned(radius, np.where(may_thin, unseen_radius(skeleton, views, radius), np.inf), skeleton.parent)
+    return thinned(radius, np.where(may_thin, unseen_radius(skeleton, views, radius, most_px), np.inf), skeleton.parent)
 
 
 def trunk_radius(skeleton: Skeleton) -> float:

@@ -18,8 +18,10 @@ BESIDE_PX = 2.0  # so near to the traced wood it may well be seen: the matte is 
 SHIFT = 4  # binary digits of a pixel that lines are drawn to
 
 
-def unseen_radius(skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The greatest radius (N,), metres, of the segment to each node; inf where no photo bounds it.
+def unseen_radius(
+    skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.float64], most_px: float = UNSEEN_PX
+) -> NDArray[np.float64]:
+    """The greatest radius (N,), metres, of the segment to each node, `most_px` of a photo; inf where none bounds it.
 
     `radius` (N,) is what it would have, metres: wood at the rim of a gap among leaves must not stand out over
     the gap. On a bare tree all wood is a rim.
@@ -27,7 +29,7 @@ def unseen_radius(skeleton: Skeleton, views: Sequence[View], radius: NDArray[np.
     most = np.full(len(skeleton), np.inf)
     for view in views:
         over = share_over(skeleton, view, empty_part(view), np.zeros_like(radius) if view.mattes.is_bare else radius)
-        bound = UNSEEN_PX / view.camera.px_per_metre
+        bound = most_px / view.camera.px_per_metre
         most = np.where(over >= OVER, np.minimum(most, bound), most)
     return most
 

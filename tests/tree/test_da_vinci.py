@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from forestgen.tree.da_vinci import DaVinci, radius_shares, stem_radius, tapered
+from forestgen.tree.da_vinci import FAINT_PX, DaVinci, radius_shares, stem_radius, tapered
 from forestgen.tree.skeleton import Skeleton, n_children, tips_beyond
 from tests.tree.skeletons import random_tree
+from tests.tree.solids import ball, camera, views_of
 
 #  3   4
 #   \ /
@@ -112,3 +113,16 @@ def test_senseless_parameters_are_refused(fields: dict[str, float]) -> None:
 def test_a_single_particle_is_a_stem() -> None:
     line = Skeleton(POSITION[:2], np.array([-1, 0]), np.array([0.2, np.nan]))
     assert DaVinci()(line, []).radius.tolist() == [0.2, 0.2]
+
+
+def test_thin_wood_is_hardly_seen_before_the_sky() -> None:
+    seen_by = camera()
+    (view,) = views_of(ball((0.0, 5.0, 0.0), 2.0), cameras=(seen_by,))
+    #  stem to the crown's middle, a twig in it, and one beside the crown
+    position = np.array([[0, 0, 0], [0, 5, 0], [0.5, 5.5, 0], [0, 2, 0], [2.5, 2, 0.0]])
+    known = np.array([0.3, 0.3, np.nan, 0.3, np.nan])
+    skeleton = Skeleton(position[[0, 3, 1, 2, 4]], np.array([-1, 0, 1, 2, 1]), known[[0, 3, 1, 2, 4]])
+    usual, thin = (DaVinci(slender=slender)(skeleton, [view]).radius for slender in (0.0, 1.0))
+    assert thin[4] == pytest.approx(FAINT_PX / seen_by.px_per_metre)
+    assert thin[4] < usual[4] / 2
+    np.testing.assert_array_equal(thin[:4], usual[:4])
