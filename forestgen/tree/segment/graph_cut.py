@@ -53,7 +53,8 @@ class GraphCutFoliage(Strategy):
         if self.bare == "yes" or (self.bare == "auto" and is_bare_crown(region, is_tree, limbs.cover)):
             is_wood = is_tree | limbs.is_limb
         else:
-            is_wood = find_wood(region, is_tree, evidence.log_background, limbs, rng=rng)
+            as_drawn = self.rule == "green_red"
+            is_wood = find_wood(region, is_tree, evidence.log_background, limbs, as_drawn=as_drawn, rng=rng)
             is_tree, is_wood = without_neighbours(region, is_tree, is_wood, limbs)
         leaf, wood = matte(region, is_tree & ~is_wood, is_wood, limbs)
         if self.rule == "contrast":

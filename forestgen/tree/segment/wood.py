@@ -103,12 +103,14 @@ def find_wood(
     log_background: NDArray[np.float32],
     limbs: Limbs,
     *,
+    as_drawn: bool = False,
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
     """Wood pixels (h, w): outside the crown the ribbons and what grows from them, inside what has the wood's colours.
 
     `is_tree` says what is leaf or wood inside the crown, `log_background` (h, w) how likely each
-    colour is as background. Wood may also be found where `is_tree` missed it.
+    colour is as background. Wood may also be found where `is_tree` missed it. `as_drawn`, all that
+    lies under the strokes is a sample of wood, the leaves that hide it too (Tan et al. 2008, sec. 2).
     """
     if limbs.colours is None:
         return np.zeros_like(is_tree)
@@ -116,7 +118,7 @@ def find_wood(
     says = np.full(inside.shape, -CLIP, np.float32)
     says[beside] = limbs.colours.log_density(region.rgb[beside]) - log_background[beside] + BESIDE
     leaf = leaf_colours(region, is_tree, limbs.cover, limbs.colours, rng)
-    bark = bark_colours(region, is_tree, limbs.cover, limbs.colours, rng)
+    bark = limbs.colours if as_drawn else bark_colours(region, is_tree, limbs.cover, limbs.colours, rng)
     wood = distinct_colours(limbs.colours, leaf)
     rgb, on_limb = region.rgb[inside], limbs.is_limb[inside]
     other = log_background[inside] if leaf is None else np.logaddexp(leaf.log_density(rgb), log_background[inside])
