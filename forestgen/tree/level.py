@@ -51,21 +51,17 @@ def is_coarser(level: Level, than: Level) -> bool:
 
 
 def within(level: Level, box: NDArray[np.floating]) -> Level:
-    """A level without leaves that reaches nowhere beyond a box (2, 3): drawn together along an axis where it did."""
+    """A level without leaves that reaches nowhere beyond a box (2, 3): what did is drawn in to its faces."""
     if len(level.leaves):
-        raise ValueError("a level with leaves cannot be drawn together")
-    pieces = [mesh.points for mesh in (level.mesh, level.cards) if len(mesh.points)]
-    if not pieces:
-        return level
-    points = np.concatenate(pieces)
-    low, high = points.min(axis=0), points.max(axis=0)
-    new_low, new_high = np.maximum(low, box[0]), np.minimum(high, box[1])
-    scale = (new_high - new_low) / np.maximum(high - low, 1e-12)
+        raise ValueError("a level with leaves cannot be drawn in")
 
-    def fitted(mesh: Mesh) -> Mesh:
-        return replace(mesh, points=np.clip(new_low + (mesh.points - low) * scale, new_low, new_high))
+    def drawn_in(mesh: Mesh) -> Mesh:
+        points = np.clip(mesh.points, box[0], box[1])
+        corner = points[mesh.faces].astype(np.float32)  # as stored
+        across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        return replace(mesh, points=points, faces=mesh.faces[(across != 0).any(axis=1)])
 
-    return replace(level, mesh=fitted(level.mesh), cards=fitted(level.cards))
+    return replace(level, mesh=drawn_in(level.mesh), cards=drawn_in(level.cards))
 
 
 def full_level(model: TreeModel) -> Level:
